@@ -20,6 +20,7 @@ MODULES = {
     "languages": "rectify.languages",
     "paper": "rectify.paper",
     "app_scans": "rectify.app_scans",
+    "whole_sheets": "rectify.whole_sheets",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

@@ -72,7 +72,7 @@ class RidgedPageParameters:
 class RidgedPage:
     """The map that flattens a creased page, and the evidence for it; see `PageShape`.
 
-    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, 0 without lines;
+    `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, NaN if unknown;
     `side_deviation` the RMS distance of the outline from the mesh's border, in photo units, `stretch` the RMS relative
     change of the lengths of the mesh's edges.
     """
@@ -80,7 +80,7 @@ class RidgedPage:
     page_map: SheetMesh
     focal_source: FocalLengthSource
     line_count: int = 0
-    line_straightness: float = 0.0
+    line_straightness: float = float("nan")
     side_deviation: float = 0.0
     stretch: float = 0.0
     kind: ClassVar[Literal["curved"]] = "curved"
@@ -167,23 +167,6 @@ def sides_bend(outline: SheetOutline) -> float:
     """The largest RMS distance of a side from a straight line, as a share of the sheet's size."""
     size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
     return max(side.straightness_px for side in outline.sides) / size
-
-
-def sides_crease(outline: SheetOutline, order: int = 4) -> float:
-    """The largest RMS distance of a side from a polynomial over its chord, as a share of the sheet's size.
-
-    A sheet that is bent without creases has smooth sides; a crease that runs to a side leaves a kink in it.
-    """
-    size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
-    worst = 0.0
-    for side in outline.sides:
-        if len(side.points) > 3 * order:
-            middle = side.points.mean(axis=0)
-            along, across = ((side.points - middle) @ np.linalg.svd(side.points - middle)[2].T).T
-            curve = np.polynomial.Chebyshev.fit(along, across, order)
-            rest = np.sort(np.abs(across - curve(along)))
-            worst = max(worst, float(np.sqrt(np.mean(rest[: int(0.95 * len(rest))] ** 2))))
-    return worst / size
 
 
 def print_skew(mesh: SheetMesh, major: FlowSamples) -> float:
@@ -286,7 +269,8 @@ def _fit_to_lines(
             fitted = _search_focal(fitted, replace(seen, lines=lines), focal_steps, p)
         mesh = fitted.mesh
         before, straightness = straightness, measure_straightness(mesh, lines)
-        if number and (straightness < p.straight or straightness > p.improvement * before):
+        gained = straightness <= p.improvement * before
+        if number and (not lines.count or straightness < p.straight or not gained):
             break
     return mesh, lines
 

@@ -85,6 +85,8 @@ class PageAnalysis:
     major_field: FlowField
     minor: FlowSamples | None
     minor_field: FlowField | None
+    positive: GrayImage | None = None
+    """As `reduced`, of the photo itself where that is a negative: print that is no text may be dark in it."""
     gutter: Points | None = None
     """Line (N, 2) beyond which only a facing page lies, if one was seen; photo pixels, from end to end of the photo."""
 
@@ -106,7 +108,13 @@ class PageAnalysis:
     def evidence(self, view: PhotoFrame) -> PageEvidence:
         """Observations that a shape is fitted to, in the centred unit coordinates of `view`."""
         text = PageText(
-            self.reduced, self.text.ink, self.text.area, self.factor, self.characters, self.text_height_px
+            self.reduced,
+            self.text.ink,
+            self.text.area,
+            self.factor,
+            self.characters,
+            self.text_height_px,
+            self.positive,
         )
         major = self.major.centred(view)
         if self.minor is not None and len(self.minor) >= FEW_STROKES:
@@ -196,7 +204,8 @@ def _analyse(
         try:
             halves = Halves.of(photo)
             seen = Halves(np.asarray(255 - halves.image, np.uint8)) if negative else halves
-            found.append(_analyse_dark_print(seen, region, p, clock, is_spread=is_spread))
+            pages = _analyse_dark_print(seen, region, p, clock, is_spread=is_spread)
+            found.append(tuple(_with_positive(page, photo) for page in pages) if negative else pages)
         except NoText as refusal:
             refusals.append(refusal)
         if found and found[0][0].text.rejected_fraction <= PICTURE_SHARE:
@@ -204,6 +213,12 @@ def _analyse(
     if not found:
         raise refusals[0]
     return min(found, key=lambda pages: pages[0].text.rejected_fraction)
+
+
+def _with_positive(page: PageAnalysis, photo: RgbImage | Halves) -> PageAnalysis:
+    """The page, which was found in the negative of `photo`, with the flat-fielded photo itself."""
+    seen = reduce_image(luminance(Halves.of(photo).image), page.factor)
+    return replace(page, positive=divide_by_light(seen, reduced_light(seen)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -316,7 +331,7 @@ def _analysis_of(
         resize_field(major.field, 1 / factor),
         None if minor is None else _part_to_photo(minor.samples, strokes),
         None if minor is None else move_field(resize_field(minor.field, 1 / strokes.factor), strokes.origin),
-        gutter,
+        gutter=gutter,
     )
 
 

@@ -1,53 +1,43 @@
-"""Choice of a page's shape: a plane, a bent sheet, or a creased one."""
+"""Choice of a page's shape: a plane, a smooth sheet or a creased one compete, and are asked the same questions.
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Literal
+How straight are the lines in their view, how straight and at right angles are the sides of the sheet, how far are the
+flows off? What is not known is NaN, and decides nothing: comparisons with it are false.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_map import PageMap
-from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
-from services.rectify.shape_choice.text_check import FEW_LINES
-from services.sheet.curved_page import CurvedPage, estimate_curved_page
+from services.rectify.shape_choice.hypotheses import FEW_LINES, Hypotheses
+from services.sheet.curved_page import CurvedPage
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
-from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.planarity import apparent_kind
-from services.sheet.plane.pose import choose_pose
-from services.sheet.ridged_page import (
-    RidgedPage,
-    estimate_ridged_page,
-    sides_bend,
-    sides_crease,
-)
-from services.sheet.shape import NoShape, PageShape
-from services.sheet.straight_sides import straighten_sides
-from services.sheet.tracing.line_tracing import measure_bend, measure_straightness, trace_by_characters
-from services.sheet.tracing.profile_tracing import trace_by_profiles
+from services.sheet.ridged_page import RidgedPage
+from services.sheet.shape import PageShape
+from services.sheet.tracing.line_tracing import STRAIGHT, measure_bend, measure_straightness
 
-STRAIGHT = 0.04
-"""RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
 VISIBLE_BEND = 0.2
 """RMS distance of text lines in the photo from straight ones, in text heights, from which on no plane is tried where a
 bent sheet straightens them."""
-STRAIGHT_SIDE = 0.003
-"""RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
-SMOOTH_SIDE = 0.001
-"""RMS distance of a side from a smooth curve, as a share of the sheet's size, up to which it has no kinks."""
-FLAT_SIDE = 0.008
-"""RMS bend of a side on the flat page, as a share of its length, up to which a smooth surface explains it."""
-RIGHT_ANGLE_RAD = 0.02
-"""Difference between the directions of the sides on the flat page, up to quarter turns, up to which a smooth surface
-explains them: cylinders and cones leave 0.002 to 0.018, crumpled sheets up to 0.05."""
-CERTAIN_OUTLINE = 0.95
-"""Confidence from which on 99 % of the outlines are right."""
+STRAIGHT_SIDES = 0.00035
+"""RMS distance of the sides from straight ones, as a share of the sheet's size, that smooth sheets leave: 0.00003 to
+0.00032 on 17 of them; 0.00038 to 0.0006 on sheets folded in thirds, 0.0007 to 0.03 on crumpled and crossed ones."""
+FLAT_SIDES = 0.004
+"""The same, up to which a smooth sheet is believed against an outline that may be that of a stack of pages."""
 CURVED_GAIN = 0.7
-"""A bent sheet must bring the lines' deviation below this share of the plane's."""
+"""A bent sheet must bring the deviation of lines or sides below this share of the plane's."""
+SMOOTH_SIDES = 0.001
+"""The same, from which on a sheet is not smooth."""
+CREASED_GAIN = 0.5
+"""The creased sheet must bring the product of both below this share of a smooth sheet's, ..."""
+NO_WORSE = 1.05
+"""... and must not leave its lines less straight than this: what tracing them in two views differs by."""
 FLOW_GAIN = 0.4
 """Where the lines are straight already, a bent sheet must bring the deviation of the flows below this share of the
 plane's: flows of sparse print are unreliable."""
@@ -60,11 +50,7 @@ def choose_shape(
     outline: SheetOutline | None = None,
     sheet: SheetSides | None = None,
 ) -> PageShape:
-    """Choose the simplest shape that the evidence supports: a plane, unless a bent or creased sheet explains more.
-
-    A bent sheet is tried if the flows do not converge (3.2.2), or if the plane leaves text lines or sides of the sheet
-    bent. It is chosen if it leaves them clearly straighter. The mesh of a creased sheet needs the sides: it is tried
-    where these are seen and have kinks, or where the smooth surface leaves them bent.
+    """The shape that the evidence supports best: the first of `rank_shapes`.
 
     Parameters
     ----------
@@ -84,163 +70,133 @@ def choose_shape(
     PageShape
         Its notices say too why no other was chosen although the page seems to have it.
     """
-    seems = apparent_kind(evidence, kind)
-    found = _Hypotheses(evidence, prior, seems, outline, sheet)
+    return next(rank_shapes(evidence, prior, kind, outline, sheet))
+
+
+def rank_shapes(
+    evidence: PageEvidence,
+    prior: FocalPrior,
+    kind: PageKind,
+    outline: SheetOutline | None = None,
+    sheet: SheetSides | None = None,
+) -> Iterator[PageShape]:
+    """Yield the plausible shapes, the best one first; each is fitted when it is asked for.
+
+    The simplest shape that explains the page is the best: a plane unless a bent sheet explains clearly more, a smooth
+    sheet unless a creased one does. With `kind` "planar" there is only the plane. Parameters as of `choose_shape`.
+    """
+    found = Hypotheses(evidence, prior, apparent_kind(evidence, kind), outline, sheet)
     if kind == "planar":
-        return found.plane
-    bent_sides = outline is not None and sides_bend(outline) > STRAIGHT_SIDE
-    # Four straight sides and straight lines are those of a plane, even if sparse flows contradict.
-    if (
-        kind == "auto"
-        and not bent_sides
-        and (seems == "planar" or sheet is not None)
-        and found.plane_straightness < STRAIGHT
-        and (seems == "planar" or found.plane.sides_believed)
-    ):
-        return found.plane
-    bent = _choose_bent_shape(found, forced=kind == "curved")
-    if bent is not None:
-        return bent
+        yield found.plane
+        return
+    best = None if kind == "auto" and _is_flat(found) else _choose_bent(found, forced=kind == "curved")
+    yield best or _with_doubt(found)
+    if best is not found.smooth and found.smooth is not None:
+        yield found.smooth
+    if best is not None:
+        yield found.plane
+    if not isinstance(best, RidgedPage) and found.creased is not None:
+        yield found.creased
+
+
+def _is_flat(found: Hypotheses) -> bool:
+    """Whether nothing speaks against a plane: four straight sides, straight lines, even if sparse flows contradict."""
+    if found.bent_sides or (found.seems == "curved" and found.sheet is None):
+        return False
+    if found.rigid and found.plane_by_sides and found.plane.line_count < FEW_LINES:
+        return True
+    level = found.plane_lines.count == 0 or found.plane_straightness < STRAIGHT
+    return level and (found.seems == "planar" or found.plane.sides_believed)
+
+
+def _with_doubt(found: Hypotheses) -> PageShape:
+    """The plane, and what is said where the page seems to be bent."""
     plane = found.plane
-    if seems == "planar" or plane.sides_believed:
+    if found.seems == "planar" or found.plane_by_sides:
         return plane
     why = f"is not plausible ({found.refusal})" if found.refusal else "does not explain its text better"
     said = f"the page seems curved, but a bent sheet {why}; this is its best planar view."
     return replace(plane, notices=(Notice("curved-page", said), *plane.notices))
 
 
-@dataclass(eq=False)
-class _Hypotheses:
-    """The shapes that a page may have, each fitted when it is first asked for: a page that is clearly bent needs no
-    plane."""
-
-    evidence: PageEvidence
-    prior: FocalPrior
-    seems: Literal["planar", "curved"]
-    outline: SheetOutline | None
-    sheet: SheetSides | None
-    refusal: str = ""
-
-    @cached_property
-    def plane(self) -> PlanarPage:
-        """The plane that fits best."""
-        return choose_pose(self.evidence, self.prior, self.seems, sheet=self.sheet)
-
-    @cached_property
-    def plane_straightness(self) -> float:
-        """That of the lines in the plane's view, in text heights."""
-        lines, page_map = self.plane.lines, self.plane.page_map
-        if lines is None:
-            lines = trace_by_characters(self.evidence.text, self.evidence.view, page_map)
-        return measure_straightness(page_map, lines)
-
-    @cached_property
-    def curved(self) -> CurvedPage | None:
-        """The bent sheet that fits best; None if none is plausible, and `refusal` says why."""
-        found = estimate_curved_page(self.evidence, self.prior)
-        if isinstance(found, NoShape):
-            self.refusal = found.reason
-            return None
-        return found
-
-    @cached_property
-    def ridged(self) -> RidgedPage | None:
-        """The creased sheet within the outline, if there is one."""
-        found = None if self.outline is None else ridged_page(self.evidence, self.prior, self.outline)
-        return None if isinstance(found, NoShape) else found
-
-    def straightness_by_profiles(self, page_map: PageMap) -> float:
-        """That of lines traced by profiles of darkness, as the creased sheet's are, in text heights."""
-        lines = trace_by_profiles(self.evidence.text, self.evidence.view, page_map)
-        return measure_straightness(page_map, lines)
+def _choose_bent(found: Hypotheses, *, forced: bool) -> PageShape | None:
+    """The bent sheet that explains clearly more than the plane; with `forced`, any plausible one."""
+    smooth = found.smooth
+    if smooth is None and (not found.certain_outline or found.creased is None):
+        smooth = found.smooth_by_text
+    if smooth is not None and _text_contradicts_sides(smooth, found):
+        smooth = found.smooth_by_text
+    if smooth is not None and _is_smooth(smooth, found):
+        return smooth if forced or _explains_more(smooth, found) else None
+    creased = found.creased
+    needed = creased is not None and (smooth is None or _needs_creases(creased, smooth, found))
+    if creased is not None and needed and (forced or found.bent_sides or _straighter(creased, found)):
+        return creased
+    return smooth if smooth is not None and (forced or _explains_more(smooth, found)) else None
 
 
-def _choose_bent_shape(found: _Hypotheses, *, forced: bool) -> PageShape | None:
-    """The bent or creased sheet that explains clearly more than the plane; with `forced`, any plausible one."""
-    outline = found.outline
-    if outline is not None and sides_crease(outline) < SMOOTH_SIDE:
-        curved = found.curved
-        if (
-            curved is not None
-            and straightens_sides(curved, outline, found.evidence.view)
-            and (forced or _explains_more(curved, found))
-        ):
-            return with_straight_sides(curved, outline, found.evidence)
-    ridged = found.ridged
-    if ridged is not None and outline is not None:
-        # The outline may be that of a stack of pages or of a picture, so text decides.
-        curved = found.curved if outline.confidence < CERTAIN_OUTLINE else None
-        if (
-            curved is not None
-            and _explains_more(curved, found)
-            and ridged.line_straightness > CURVED_GAIN * found.straightness_by_profiles(curved.page_map)
-        ):
-            return curved
-        if forced or sides_bend(outline) > STRAIGHT_SIDE:
-            return ridged
-        # The mesh was measured on lines that were traced by profiles; so the plane is measured on them too.
-        if ridged.line_straightness < CURVED_GAIN * found.straightness_by_profiles(found.plane.page_map):
-            return ridged
-    curved = found.curved
-    return curved if curved is not None and (forced or _explains_more(curved, found)) else None
+def _is_smooth(smooth: CurvedPage, found: Hypotheses) -> bool:
+    """Whether no crease is left to be explained: sides and lines are as straight as smooth sheets leave them."""
+    if found.outline is None:
+        return True
+    return found.sides_of(smooth.page_map) < STRAIGHT_SIDES and not smooth.line_straightness > STRAIGHT
 
 
-def straightens_sides(curved: CurvedPage, outline: SheetOutline, view: PhotoFrame) -> bool:
-    """Whether the sheet's sides are straight and at right angles on the flat page of `curved`, as on paper."""
-    directions: list[float] = []
-    for side in outline.sides:
-        page = curved.page_map.to_page(view.to_centred(side.points))
-        known = np.isfinite(page).all(axis=1)
-        if len(page) < 8:
-            continue
-        if known.mean() < 0.8:
-            return False
-        _, spread, axes = np.linalg.svd(page[known] - page[known].mean(axis=0), full_matrices=False)
-        if spread[1] > FLAT_SIDE * np.sqrt(12.0) * spread[0]:
-            return False
-        directions.append(float(np.arctan2(axes[0, 1], axes[0, 0])))
-    # Print may be askew on its sheet: only the angles between the sides count, up to quarter turns.
-    quadruple = 4 * np.array(directions)
-    mean = np.angle(np.exp(1j * quadruple).sum()) if directions else 0.0
-    turns = np.angle(np.exp(1j * (quadruple - mean))) / 4
-    return bool(np.ptp(turns) < RIGHT_ANGLE_RAD) if directions else True
-
-
-def with_straight_sides(curved: CurvedPage, outline: SheetOutline, e: PageEvidence) -> CurvedPage:
-    """`curved` with margins corrected by the bends that it leaves in the sides of the sheet."""
-    if outline.confidence < CERTAIN_OUTLINE:
-        return curved
-    top, right, bottom, left = (e.view.to_centred(side.points) for side in outline.sides)
-    straight = straighten_sides(curved.page_map, (top, right, bottom, left), e.characters)
-    return replace(curved, page_map=straight)
-
-
-def ridged_page(e: PageEvidence, prior: FocalPrior, outline: SheetOutline) -> RidgedPage | NoShape:
-    """The creased sheet within `outline`, refined by the page's text."""
-    double = 2 * e.major.angles
-    direction = 0.5 * float(np.arctan2(e.major.weights @ np.sin(double), e.major.weights @ np.cos(double)))
-    return estimate_ridged_page(
-        outline,
-        e.view,
-        prior,
-        direction,
-        lambda page: trace_by_profiles(e.text, e.view, page),
-        e.strokes,
-        e.major,
+def _text_contradicts_sides(smooth: CurvedPage, found: Hypotheses) -> bool:
+    """Whether text alone leaves clearly straighter lines than text and sides together: the outline is no sheet's."""
+    if found.outline is None or found.certain_outline or not smooth.line_straightness >= STRAIGHT:
+        return False
+    by_text = found.smooth_by_text
+    return by_text is not None and by_text.line_straightness < CURVED_GAIN * measure_straightness(
+        smooth.page_map, by_text.lines
     )
 
 
-def _explains_more(curved: CurvedPage, found: _Hypotheses) -> bool:
-    """Whether the bent sheet leaves clearly straighter lines than the plane.
+def _needs_creases(creased: RidgedPage, smooth: CurvedPage, found: Hypotheses) -> bool:
+    """Whether the creased sheet explains clearly more than the smooth one, by sides and by lines.
+
+    Lines are traced in the views of both: neither was fitted to those of the other. Where the smooth sheet leaves the
+    sides bent, the sheet is not smooth, and the better one is right.
+    """
+    by_sides = found.sides_of(creased.page_map) / found.sides_of(smooth.page_map)
+    ratios = []
+    for shape in (creased, smooth):
+        lines = found.trace_by_profiles(shape.page_map)
+        ratios.append(
+            measure_straightness(creased.page_map, lines) / measure_straightness(smooth.page_map, lines)
+        )
+    # On the lines that speak against it.
+    by_lines = max((ratio for ratio in ratios if not np.isnan(ratio)), default=1.0)
+    if not len(smooth.edges.points):  # the sides are not those of the sheet: they say nothing
+        return bool(by_lines < CURVED_GAIN)
+    smooth_sides = found.sides_of(smooth.page_map) < SMOOTH_SIDES
+    return by_lines < NO_WORSE and by_lines * by_sides < (CREASED_GAIN if smooth_sides else 1.0)
+
+
+def _straighter(creased: RidgedPage, found: Hypotheses) -> bool:
+    """Whether the creased sheet leaves clearly straighter lines than the plane, both as profiles show them."""
+    plane = found.plane.page_map
+    return creased.line_straightness < CURVED_GAIN * measure_straightness(
+        plane, found.trace_by_profiles(plane)
+    )
+
+
+def _explains_more(smooth: CurvedPage, found: Hypotheses) -> bool:
+    """Whether the smooth sheet leaves clearly straighter lines or sides than the plane.
 
     If the plane leaves them straight, or there are too few lines, the flows must decide clearly.
     """
-    enough = curved.line_count >= FEW_LINES // 2
+    enough = smooth.line_count >= FEW_LINES // 2
     # Every plane leaves at least this much: it maps straight lines to straight lines.
-    bend = measure_bend(curved.lines)
-    if enough and bend > VISIBLE_BEND and curved.line_straightness < CURVED_GAIN * bend:
+    bend = measure_bend(smooth.lines)
+    if enough and bend > VISIBLE_BEND and smooth.line_straightness < CURVED_GAIN * bend:
         return True
-    if found.plane_straightness < STRAIGHT or not enough:
-        return not found.plane.sides_believed and curved.deviation < FLOW_GAIN * found.plane.deviation
-    straighter = curved.line_straightness < CURVED_GAIN * found.plane_straightness
-    return straighter and curved.deviation < found.plane.deviation
+    worse = CURVED_GAIN * smooth.line_straightness > max(STRAIGHT, found.plane_straightness)
+    if found.bent_sides and not worse:
+        sides = found.sides_of(smooth.page_map)
+        if sides < FLAT_SIDES and sides < CURVED_GAIN * found.sides_of(found.plane.page_map):
+            return True
+    if not enough or not found.plane_straightness >= STRAIGHT:
+        return not found.plane.sides_believed and smooth.deviation < FLOW_GAIN * found.plane.deviation
+    straighter = smooth.line_straightness < CURVED_GAIN * found.plane_straightness
+    return straighter and smooth.deviation < found.plane.deviation

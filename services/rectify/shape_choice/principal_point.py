@@ -275,7 +275,13 @@ def _sheet_fitting(
         return None
     parameters = rescale_deviations(FittingParameters(cauchy_flows=True), fitted)
     middle = PageObservations(
-        e.major, e.minor, page.lines, page_hull(e.characters), prior.log_focal, prior.deviation
+        e.major,
+        e.minor,
+        page.lines,
+        page_hull(e.characters),
+        prior.log_focal,
+        prior.deviation,
+        page.edges,
     )
     anywhere = replace(middle, principal_point=PrincipalPointPrior((p.offset, p.offset)))
     odd = is_odd(e.view, p)

@@ -1,14 +1,13 @@
 """Whether what was taken for the text of a page is text: it forms straight level lines in the page's own view."""
 
 from services.rectify.analysis.page_analysis import PICTURE_SHARE, PageAnalysis
+from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.shape import PageShape
 from services.sheet.tracing.level_rows import shows_print
 from services.sheet.tracing.line_tracing import flatten_ink
 
-FEW_LINES = 10
-"""Fewer lines show little of a page's shape."""
 CERTAIN_SHEET = 0.9
 """Confidence of an outline from which on there is a sheet, whatever is on it."""
 CLEAR_SHARE = 0.3

@@ -32,7 +32,7 @@ class FittedSurface:
     """The fitted surface, its cost, and the deviations of its residuals.
 
     `cost` is half the sum of the squared residuals under their losses; the scales are robust deviations of the
-    residuals (lines in units of those assumed); `log_focal_deviation` is that of the observations, without
+    residuals (lines and sides in units of those assumed); `log_focal_deviation` is that of the observations, without
     the prior.
     """
 
@@ -41,6 +41,7 @@ class FittedSurface:
     cost: float
     line_scale: float
     spacing_scale: float
+    side_scale: float
     major_scale_rad: float
     minor_scale_rad: float
     log_focal_deviation: float
@@ -96,6 +97,7 @@ def fit_surface(
         float(fit.cost),
         robust_scale(parts["straight"].value),
         robust_scale(parts["spacing"].value),
+        robust_scale(parts["sides"].value),
         robust_scale(parts["major"].value * residuals.major_deviation),
         robust_scale(parts["minor"].value * residuals.minor_deviation),
         _focal_deviation(fit.jac, observed.focal_deviation),
@@ -133,11 +135,12 @@ def _focal_deviation(jacobian: Floats, prior_deviation: float) -> float:
 
 
 def rescale_deviations(parameters: FittingParameters, fitted: FittedSurface) -> FittingParameters:
-    """Parameters with the deviations of lines and spacings that a fit has shown, where they are larger."""
+    """Parameters with the deviations of lines, sides and spacings that a fit has shown, where they are larger."""
     spacing = max(1.0, fitted.spacing_scale)
     return replace(
         parameters,
         line_factor=parameters.line_factor * max(1.0, fitted.line_scale),
+        side_factor=parameters.side_factor * max(1.0, fitted.side_scale),
         spacing=parameters.spacing * spacing,
         spacing_between=parameters.spacing_between * spacing,
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points, Vector
+from services.arrays import Mask, Points, Vector
 from services.geometry.camera import PrincipalPointPrior
 from services.texture_flow.field import FlowSamples
 
@@ -67,11 +67,33 @@ NO_LINES = LineObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0),
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SheetEdges:
+    """Points of the sheet's sides in centred coordinates.
+
+    `points` (M, 2) lie on sides `index` (M,): 0 and 2 along the text lines, 1 and 3 across them; `deviations` (M,) are
+    across the side. On the flat page each side is straight and all meet at right angles; the print may be askew
+    on its sheet.
+    """
+
+    points: Points
+    index: NDArray[np.intp]
+    deviations: Vector
+
+    @property
+    def upright(self) -> Mask:
+        """Which points (M,) lie on sides across the text lines."""
+        return np.asarray(self.index % 2 == 1)
+
+
+NO_EDGES = SheetEdges(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PageObservations:
     """All that a surface is fitted to, in centred unit coordinates.
 
     `hull` (H, 2) surrounds the text, where rulings must not cross; `log_focal` and `focal_deviation` are the prior
-    of the focal length.
+    of the focal length; `edges` are those of the sheet where they are seen.
     """
 
     major: FlowSamples
@@ -80,5 +102,6 @@ class PageObservations:
     hull: Points
     log_focal: float
     focal_deviation: float
+    edges: SheetEdges = NO_EDGES
     principal_point: PrincipalPointPrior | None = None
     """None: the principal point is the origin."""

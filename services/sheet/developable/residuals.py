@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.robust import cauchy, soft_l1
-from services.sheet.developable.observations import ObservationParameters, PageObservations
+from services.sheet.developable.observations import ObservationParameters, PageObservations, SheetEdges
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
 from services.sheet.developable.variation import GLOBAL, vary_page
 from services.texture_flow.field import FlowSamples
@@ -44,8 +44,12 @@ class FittingParameters(ObservationParameters):
     """Deviations of the first and second differences of neighbouring bends."""
     rim_difference: float = 0.7
     rim_bends: int = 2
-    """Deviation of the first differences of this many bends at either end, beyond the text: the bend continues."""
+    """Deviation of the first differences of this many bends at either end, beyond the text: the bend continues. Where
+    the sheet's sides are seen, they show the bend there."""
     line_factor: float = 1.0
+    side_floor: float = 0.00015
+    """Least deviation of a point of a side (a fifth of a pixel of two megapixels): edges are not seen better."""
+    side_factor: float = 1.0
     growth: float = 0.35
     growth_deviation: float = 0.05
     """Under the text, neighbouring rulings may approach each other to about this share of their distance."""
@@ -96,6 +100,46 @@ def _right_jacobian(w: Vector) -> Floats:
     )
 
 
+class StraightEdges:
+    """The residuals of the sheet's sides: distances from four straight lines at right angles.
+
+    Their common slope m against the print is that of least squares, so that it is no parameter: with x along each side
+    and y across it, both from the side's mean, m = sum(w x y) / sum(w x x), and y - m x is left.
+    """
+
+    def __init__(self, edges: SheetEdges, start: DevelopableSurface, p: FittingParameters) -> None:
+        self.index, self.upright = edges.index, edges.upright
+        # Across a side, one unit of the photo is this many units of the page; fixed at the start.
+        grow = np.ones(len(self.index))
+        if len(self.index):
+            J = np.nan_to_num(start.jacobians(edges.points))
+            grow = np.maximum(np.linalg.norm(J[np.arange(len(J)), (~self.upright).astype(int)], axis=1), 0.1)
+        self.deviation = np.hypot(edges.deviations, p.side_floor) * p.side_factor * grow
+        self.weight = 1 / self.deviation**2
+        count = int(self.index.max()) + 1 if len(self.index) else 0
+        total = np.bincount(self.index, self.weight, minlength=count)
+        self.averages = csr_array(
+            (self.weight / total[self.index], (self.index, np.arange(len(self.index)))),
+            shape=(count, len(self.index)),
+        )
+
+    def residual(self, q: Points, dq: Floats) -> Residual:
+        """Of page points (M, 2) with derivatives (M, 2, P)."""
+        if not len(q):
+            return Residual(np.zeros(0), np.zeros((0, dq.shape[2])))
+        up = self.upright[:, None]
+        # A quarter turn takes the upright sides to the others: (u, v) -> (v, -u).
+        x, y = np.where(up, np.stack([q[:, 1], -q[:, 0]], axis=1), q).T
+        dx, dy = np.where(up, dq[:, 1], dq[:, 0]), np.where(up, -dq[:, 0], dq[:, 1])
+        x, y, dx, dy = (a - (self.averages @ a)[self.index] for a in (x, y, dx, dy))
+        w = self.weight
+        square = w @ (x * x)
+        m = w @ (x * y) / square
+        dm = ((w * x) @ dy + (w * y) @ dx - 2 * m * ((w * x) @ dx)) / square
+        value, slope = y - m * x, dy - m * dx - x[:, None] * dm
+        return Residual(value / self.deviation, slope / self.deviation[:, None])
+
+
 class PageResiduals:
     """All residuals and their derivatives at a vector of parameters; all photo points are unrolled at once."""
 
@@ -128,6 +172,7 @@ class PageResiduals:
             lines.points,
             margins,
             observed.hull,
+            observed.edges.points,
         ]
         self.points = np.concatenate(parts)
         self.ends = np.cumsum([len(part) for part in parts])
@@ -145,6 +190,7 @@ class PageResiduals:
             grow = np.linalg.norm(J[:, 1], axis=1)
         self.line_deviation = lines.deviations * p.line_factor * np.maximum(grow, 1e-6)
         self.text_height = lines.text_height * (float(np.median(grow)) if len(grow) else 1.0)
+        self.edges = StraightEdges(observed.edges, self.surface(start), p)
         self._last: tuple[bytes, Vector, Floats] | None = None
 
     def surface(self, x: Vector) -> DevelopableSurface:
@@ -174,7 +220,7 @@ class PageResiduals:
         return at, np.concatenate([part.transpose(2, 1, 0) for part in parts]).transpose(2, 1, 0)
 
     def parts(self, x: Vector) -> dict[str, Residual]:
-        """Residuals of `major`, `minor`, `straight`, `spacing`, `margins`, `crossing` before any loss."""
+        """Residuals of `major`, `minor`, `straight`, `spacing`, `margins`, `crossing`, `sides` before any loss."""
         at, dq = self.page(x)
         q, e = at.page, self.ends
         major = _direction(q, dq, slice(0, e[0]), slice(e[0], e[1]), 1)
@@ -193,7 +239,8 @@ class PageResiduals:
             "straight": straight,
             "spacing": self._spacings(level, dlevel),
             "margins": self._margins(q[e[4] : e[5], 0], dq[e[4] : e[5], 0]),
-            "crossing": self._crossing(at.sheet[e[5] :], x),
+            "crossing": self._crossing(at.sheet[e[5] : e[6]], x),
+            "sides": self.edges.residual(q[e[6] :], dq[e[6] :]),
         }
 
     def _crossing(self, sheet: Points, x: Vector) -> Residual:
@@ -253,7 +300,8 @@ class PageResiduals:
         of_bends = eye[BENDS : self.principal]
         first, second = np.diff(of_bends, axis=0), np.diff(of_bends, 2, axis=0)
         difference = np.full(len(first), p.bend_difference)
-        difference[: p.rim_bends] = difference[len(first) - p.rim_bends :] = p.rim_difference
+        if not len(self.observed.edges.points):
+            difference[: p.rim_bends] = difference[len(first) - p.rim_bends :] = p.rim_difference
         tilt, dtilt = self._tilt(x)
         value = [
             (x[3:4] - self.observed.log_focal) / self.observed.focal_deviation,
@@ -305,7 +353,7 @@ class PageResiduals:
             # Single observations may be outliers, and groups may be wrong as a whole; priors are squared.
             of_flows = cauchy if self.p.cauchy_flows else soft_l1
             losses = {"major": of_flows, "minor": of_flows, "straight": soft_l1}
-            losses |= {"spacing": cauchy, "margins": cauchy}
+            losses |= {"spacing": cauchy, "margins": cauchy, "sides": cauchy}
             all_ = [*(under(loss, parts[name]) for name, loss in losses.items())]
             all_ += [parts["crossing"], self._priors(x)]
             value = np.concatenate([r.value for r in all_])

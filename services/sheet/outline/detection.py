@@ -22,6 +22,7 @@ from services.sheet.outline.corners import (
     meet_sides,
     split_sides,
 )
+from services.sheet.outline.cut_corners import end_before_cut_corners
 from services.sheet.outline.edges import (
     EdgePoints,
     follow_edge,
@@ -106,7 +107,9 @@ def find_outline(
             best = outline
         if best is not None and best.confidence >= p.certain:
             break
-    return best if best is not None and best.confidence >= p.least_confidence else None
+    if best is None or best.confidence < p.least_confidence:
+        return None
+    return end_before_cut_corners(best)
 
 
 def _measure(

@@ -32,6 +32,9 @@ from services.sheet.tracing.baselines import (
 )
 from services.sheet.tracing.page_text import PageText
 
+STRAIGHT = 0.04
+"""RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
+
 
 @dataclass(frozen=True, slots=True)
 class TracingParameters:
@@ -296,13 +299,11 @@ def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: Tr
 def measure_straightness(page_map: PageMap, lines: LineObservations) -> float:
     """RMS distance of the points from their lines on the flat page, in text heights, the worst tenth left out.
 
-    Infinite where most lines are broken to single points, as in a view that does not flatten them: these would seem
-    straight.
+    NaN where it is not known: without lines, and where most lines are broken to single points, as in a view that does
+    not flatten them.
     """
-    if not lines.count:
-        return 0.0
-    if (np.bincount(lines.index)[lines.index] < 2).mean() > 0.5:
-        return float("inf")
+    if not lines.count or (np.bincount(lines.index)[lines.index] < 2).mean() > 0.5:
+        return float("nan")
     v = page_map.to_page(lines.points)[:, 1]
     J = page_map.jacobians(lines.points)
     number = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)

@@ -13,7 +13,8 @@ class PageText:
 
     `gray` (H, W) is the flat-fielded photo resized by `factor`, `ink` (H, W) the strokes of the text and `area` (H, W)
     where there is text in it. `characters` (N, 2) are the centres of the characters and `height_px` is their typical
-    size, both in photo pixels.
+    size, both in photo pixels. Where the text was found in the photo's negative, `positive` is as `gray` of the photo
+    itself.
     """
 
     gray: GrayImage
@@ -22,6 +23,7 @@ class PageText:
     factor: float
     characters: Points
     height_px: float
+    positive: GrayImage | None = None
 
     def H_reduced_centred(self, view: PhotoFrame) -> Floats:
         """From the centred unit coordinates of `view` to pixels of `gray`."""

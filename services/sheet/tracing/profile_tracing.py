@@ -113,7 +113,7 @@ def flatten_darkness(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ridges:
+class Ridges:
     """Ridges of all windows: window number, and pixel rows of the ridge, its upper and its lower edge."""
 
     window: NDArray[np.intp]
@@ -122,7 +122,7 @@ class _Ridges:
     base: Vector
 
 
-def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[_Ridges, Vector]:
+def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[Ridges, Vector]:
     """Ridges of the darkness in every window, and the windows' middle columns."""
     h = flat.height_px
     width, step = max(round(p.window * h), 3) | 1, max(round(p.step * h), 1)
@@ -138,7 +138,7 @@ def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[_Ridges, Vector]:
     value = smooth[row, window]
     if not len(row):
         none = np.zeros(0)
-        return _Ridges(np.zeros(0, np.intp), none, none, none), columns.astype(np.float64)
+        return Ridges(np.zeros(0, np.intp), none, none, none), columns.astype(np.float64)
     usual = float(np.percentile(value, 75))
     reach = max(round(0.9 * h), 2)
     last = smooth.shape[0] - 1
@@ -152,7 +152,7 @@ def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[_Ridges, Vector]:
     good = np.isfinite(crown) & np.isfinite(base) & (base - crown > 0.3 * h) & (base - crown < 1.7 * h)
     order = np.lexsort((row[good], window[good]))
     crown, base = crown[good][order], base[good][order]
-    return _Ridges(window[good][order], 0.5 * (crown + base), crown, base), columns.astype(np.float64)
+    return Ridges(window[good][order], 0.5 * (crown + base), crown, base), columns.astype(np.float64)
 
 
 def _extremum(slopes: Floats, row: NDArray[np.intp], window: NDArray[np.intp], low: int, high: int) -> Vector:
@@ -170,7 +170,7 @@ def _extremum(slopes: Floats, row: NDArray[np.intp], window: NDArray[np.intp], l
     return np.where(inside, rows[n, k] + np.clip(shift, -1, 1), np.nan)
 
 
-def link_ridges(ridges: _Ridges, height_px: float, p: ProfileParameters) -> list[NDArray[np.intp]]:
+def link_ridges(ridges: Ridges, height_px: float, p: ProfileParameters) -> list[NDArray[np.intp]]:
     """Members of every line, from left to right: successive ridges, each the best match of the other."""
     window, y = ridges.window, ridges.middle
     if not len(window):

@@ -102,6 +102,10 @@ def test_light_print_on_dark_paper_is_seen_as_its_negative(album: Album) -> None
     negative = analyse_photo(255 - shot.photo.image)
     points = shot.text_points
     assert len(negative.characters) > 0.95 * len(shot.analysis.characters)
+    # Print of the other sign is seen in the photo itself.
+    assert shot.analysis.positive is None
+    assert negative.positive is not None
+    assert negative.positive.shape == negative.reduced.shape
     assert errors_deg(negative.major_field.at(points), shot.truth.major_flow(points)).mean() < 0.2
 
 

@@ -12,17 +12,21 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.page_analysis import analyse_photo
-from services.rectify.shape_choice.choice import SMOOTH_SIDE, STRAIGHT_SIDE, choose_shape, ridged_page
-from services.sheet.curved_page import CurvedPage
+from services.rectify.shape_choice.choice import choose_shape, rank_shapes
+from services.rectify.shape_choice.hypotheses import STRAIGHT_SIDE, Hypotheses
+from services.sheet.curved_page import CurvedPage, estimate_curved_page
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane import pose
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.ridged_page import RidgedPage, sides_bend, sides_crease
+from services.sheet.ridged_page import RidgedPage, sides_bend
 from services.sheet.shape import NoShape, PageShape
+from services.sheet.sheet_edges import measure_sides, read_edges
+from simulation.creased import Crossed
 from simulation.folded import folded_in_thirds
 from simulation.pages import own_pages
+from simulation.relaxed import FOLDED_PAPER, Relaxed
 from simulation.scenes import BOOK, PLANE
 from simulation.sheets import SHEET_ASPECT, SHEET_VIEWS, Staging, photograph_sheet, with_margins
 from simulation.surfaces import Shape
@@ -31,7 +35,12 @@ from tests.services.sheet.sheet_sides import bent_outline_of_truth
 
 pytestmark = pytest.mark.pipeline
 
-SHAPES: dict[str, Shape] = {"flat": PLANE, "folded": folded_in_thirds(SHEET_ASPECT, 24, -18), "smooth": BOOK}
+SHAPES: dict[str, Shape] = {
+    "flat": PLANE,
+    "folded": folded_in_thirds(SHEET_ASPECT, 24, -18),
+    "crossed": Relaxed(Crossed(SHEET_ASPECT, 25, 15, alike=True, centre=(0.03, -0.02)), FOLDED_PAPER),
+    "smooth": BOOK,
+}
 SIZE = (840, 1080)
 VIEW = PhotoFrame(*SIZE)
 
@@ -51,10 +60,15 @@ def seen(name: str) -> tuple[PageEvidence, SheetOutline, Truth]:
     )
 
 
+def prior_of(name: str) -> FocalPrior:
+    """The true focal length, as EXIF tells it."""
+    return FocalPrior(float(np.log(seen(name)[2].focal_length_px / VIEW.unit_px)), 0.03, "exif")
+
+
 @lru_cache
 def chosen(name: str, kind: PageKind = "auto", *, outlined: bool = True) -> PageShape:
-    evidence, outline, truth = seen(name)
-    prior = FocalPrior(float(np.log(truth.focal_length_px / VIEW.unit_px)), 0.03, "exif")
+    evidence, outline, _ = seen(name)
+    prior = prior_of(name)
     if not outlined:
         return choose_shape(evidence, prior, kind)
     sheet = read_sides(outline, VIEW, prior)
@@ -98,25 +112,68 @@ def test_a_flat_sheet_stays_a_plane() -> None:
     assert np.median(errors_at_text("flat", shape.page_map)) < 0.002
 
 
-def test_a_folded_sheet_becomes_a_mesh_that_is_flatter_than_the_plane() -> None:
-    shape = chosen("folded")
+def test_a_crossed_sheet_becomes_a_mesh_that_is_flatter_than_the_plane() -> None:
+    shape = chosen("crossed")
     assert isinstance(shape, RidgedPage)
-    assert sides_bend(seen("folded")[1]) > STRAIGHT_SIDE
-    assert sides_crease(seen("folded")[1]) > SMOOTH_SIDE
+    assert sides_bend(seen("crossed")[1]) > STRAIGHT_SIDE
     assert shape.line_count > 15
-    off, flat = (
-        errors_at_text("folded", shape.page_map),
-        errors_at_text("folded", chosen("folded", "planar").page_map),
-    )
-    assert np.median(off) < 0.006
-    assert np.median(off) < 0.5 * np.median(flat)
+    off, flat = (errors_at_text("crossed", chosen("crossed", kind).page_map) for kind in ("auto", "planar"))
+    assert np.median(off) < 0.002
+    assert np.median(off) < 0.2 * np.median(flat)
 
 
-def test_a_smooth_sheet_stays_with_the_smooth_surface() -> None:
+def test_a_sheet_folded_along_parallel_lines_is_flattened_by_either_bent_shape() -> None:
+    off, flat = (errors_at_text("folded", chosen("folded", kind).page_map) for kind in ("auto", "planar"))
+    assert chosen("folded").kind == "curved"
+    assert np.median(off) < 0.003
+    assert np.median(off) < 0.4 * np.median(flat)
+
+
+def test_sides_and_lines_flatten_a_smooth_sheet_up_to_its_border() -> None:
     shape = chosen("smooth")
     assert isinstance(shape, CurvedPage)
-    assert sides_crease(seen("smooth")[1]) < SMOOTH_SIDE
-    assert np.median(errors_at_text("smooth", shape.page_map)) < 0.004
+    assert len(shape.edges.points) > 200
+    assert np.median(errors_at_text("smooth", shape.page_map)) < 0.001
+    evidence, outline, _ = seen("smooth")
+    edges = read_edges(outline, VIEW, 0.0)
+    assert measure_sides(shape.page_map, edges) < 0.001
+    by_text = estimate_curved_page(evidence, prior_of("smooth"))
+    assert isinstance(by_text, CurvedPage)
+    assert measure_sides(shape.page_map, edges) < 0.5 * measure_sides(by_text.page_map, edges)
+
+
+@pytest.mark.parametrize(("name", "kinds"), [("smooth", {CurvedPage, PlanarPage}), ("flat", {PlanarPage})])
+def test_the_next_best_shapes_follow_the_best(name: str, kinds: set[type]) -> None:
+    evidence, outline, _ = seen(name)
+    shapes = list(
+        rank_shapes(evidence, prior_of(name), "auto", outline, read_sides(outline, VIEW, prior_of(name)))
+    )
+    assert type(shapes[0]) is type(chosen(name))
+    assert kinds <= {type(shape) for shape in shapes}
+    assert len({type(shape) for shape in shapes}) == len(shapes) > 1
+    only = list(rank_shapes(evidence, prior_of(name), "planar", outline, None))
+    assert [type(shape) for shape in only] == [PlanarPage]
+
+
+@pytest.mark.parametrize(("lines", "by_sides"), [(3, True), (30, False)])
+def test_the_sides_of_a_rigid_sheet_yield_to_many_lines_only(
+    lines: int, monkeypatch: pytest.MonkeyPatch, *, by_sides: bool
+) -> None:
+    evidence, outline, _ = seen("flat")
+    prior = prior_of("flat")
+    sheet = read_sides(outline, VIEW, prior)
+    assert sheet is not None
+    assert sheet.plane is not None
+    turned_by_text = PlanarPage(sheet.plane.plane, prior.source, line_count=lines, skew_rad=np.pi / 4)
+    monkeypatch.setattr(
+        "services.rectify.shape_choice.hypotheses.choose_pose", lambda *_, **__: turned_by_text
+    )
+    found = Hypotheses(evidence, prior, "curved", outline, sheet)
+    assert found.rigid
+    assert (found.plane.sources == ("outline",)) == by_sides
+    assert found.plane.sides_believed == by_sides
+    # A bent sheet is no board.
+    assert not Hypotheses(evidence, prior, "curved", seen("smooth")[1], sheet).rigid
 
 
 @pytest.mark.parametrize("name", ["folded", "smooth"])
@@ -134,28 +191,28 @@ def test_without_an_outline_there_is_no_mesh() -> None:
 
 
 def test_print_that_stands_askew_on_its_sheet_gives_no_mesh() -> None:
-    evidence, outline, truth = seen("folded")
-    prior = FocalPrior(float(np.log(truth.focal_length_px / VIEW.unit_px)), 0.03, "exif")
-    assert isinstance(chosen("folded"), RidgedPage)
+    evidence, outline, _ = seen("crossed")
+    prior = prior_of("crossed")
+    assert isinstance(chosen("crossed"), RidgedPage)
     # Another sheet, or a frame: turned by twelve degrees.
-    found = ridged_page(evidence, prior, turned(outline, 0.2))
+    found = Hypotheses(evidence, prior, "curved", turned(outline, 0.2), None).fit_creased()
     assert isinstance(found, NoShape)
     assert "askew" in found.reason
 
 
-@pytest.mark.parametrize(("name", "wanted"), [("folded", RidgedPage), ("smooth", CurvedPage)])
+@pytest.mark.parametrize(("name", "wanted"), [("crossed", RidgedPage), ("smooth", CurvedPage)])
 def test_no_plane_is_fitted_to_a_page_that_is_clearly_bent(
     name: str, wanted: type, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    evidence, outline, truth = seen(name)
-    prior = FocalPrior(float(np.log(truth.focal_length_px / VIEW.unit_px)), 0.03, "exif")
+    evidence, outline, _ = seen(name)
+    prior = prior_of(name)
     fitted: list[str] = []
 
     def choose_pose(*given: object, **more: object) -> PlanarPage:
         fitted.append(name)
         return pose.choose_pose(*given, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("services.rectify.shape_choice.choice.choose_pose", choose_pose)
+    monkeypatch.setattr("services.rectify.shape_choice.hypotheses.choose_pose", choose_pose)
     assert isinstance(choose_shape(evidence, prior, "auto", outline, None), wanted)
     assert not fitted
     assert isinstance(choose_shape(evidence, prior, "planar", outline, None), PlanarPage)

@@ -11,7 +11,14 @@ from scipy.spatial.transform import Rotation
 from services.arrays import Floats, Points, Vector
 from services.geometry.page_map import PageMap
 from services.sheet.developable.fitting import SurfaceStart
-from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations, Run
+from services.sheet.developable.observations import (
+    NO_EDGES,
+    NO_LINES,
+    LineObservations,
+    PageObservations,
+    Run,
+    SheetEdges,
+)
 from services.sheet.developable.residuals import surface_of
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.texture_flow.field import FlowSamples
@@ -179,8 +186,9 @@ def observe(
     seed: int = 0,
     focal: float | None = None,
     focal_deviation: float = 0.25,
+    edges: bool = False,
 ) -> PageObservations:
-    """What is seen of a sheet."""
+    """What is seen of a sheet; with `edges` its sides too."""
     rng = np.random.default_rng(seed)
     major, minor = (seen_flow(surface, PAGE, lean) for lean in (0.0, np.pi / 2 - SLANT_RAD))
     major, minor = (
@@ -195,6 +203,21 @@ def observe(
         corners,
         float(np.log(focal or surface.focal)),
         focal_deviation,
+        seen_edges(surface, line_noise, rng) if edges else NO_EDGES,
+    )
+
+
+def seen_edges(surface: DevelopableSurface, noise: float, rng: np.random.Generator) -> SheetEdges:
+    """Twelve points of each side of a sheet on which the print is askew by a degree."""
+    c, s = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
+    corners = np.array([[-0.47, -0.57], [0.47, -0.57], [0.47, 0.57], [-0.47, 0.57]]) @ np.array(
+        [[c, s], [-s, c]]
+    )
+    steps = np.linspace(0.02, 0.98, 12)[:, None]
+    sides = [corners[k] + steps * (corners[(k + 1) % 4] - corners[k]) for k in range(4)]
+    points = surface.to_photo(np.concatenate(sides))
+    return SheetEdges(
+        points + rng.normal(0, noise, points.shape), np.repeat(np.arange(4), 12), np.full(48, 1e-3)
     )
 
 

@@ -29,6 +29,7 @@ from tests.services.sheet.developable.sheets import (
     Bent,
     differences,
     observe,
+    seen_edges,
 )
 
 pytestmark = pytest.mark.pipeline
@@ -81,9 +82,9 @@ def printed(
 @pytest.mark.parametrize("name", SHEETS)
 def test_all_residuals_vanish_at_the_truth(name: str) -> None:
     bent = SHEETS[name]
-    observed = observe(bent.surface())
+    observed = observe(bent.surface(), edges=True)
     parts = residuals_of(bent, observed).parts(at(bent))
-    assert list(parts) == ["major", "minor", "straight", "spacing", "margins", "crossing"]
+    assert list(parts) == ["major", "minor", "straight", "spacing", "margins", "crossing", "sides"]
     sizes = {key: len(part.value) for key, part in parts.items()}
     assert sizes == {
         "major": len(PAGE),
@@ -92,6 +93,7 @@ def test_all_residuals_vanish_at_the_truth(name: str) -> None:
         "spacing": 12 + 2,
         "margins": 24,
         "crossing": 4,
+        "sides": 48,
     }
     for key, part in parts.items():
         assert np.abs(part.value).max() < 1e-3, key
@@ -100,7 +102,7 @@ def test_all_residuals_vanish_at_the_truth(name: str) -> None:
 @pytest.mark.parametrize("name", SHEETS)
 def test_derivatives_are_those_of_the_values(name: str) -> None:
     bent = SHEETS[name]
-    observed = observe(bent.surface(), flow_noise_rad=0.005, line_noise=5e-4, seed=1)
+    observed = observe(bent.surface(), flow_noise_rad=0.005, line_noise=5e-4, seed=1, edges=True)
     residuals = residuals_of(bent, observed)
     # Somewhere beside the truth, with a turn, so that nothing is zero by luck.
     x = at(bent) + np.random.default_rng(2).normal(0, 0.02, len(at(bent)))
@@ -218,6 +220,17 @@ def test_rulings_keep_apart_within_the_hull() -> None:
     assert not found.slope[0].any()
 
 
+def test_a_bent_side_is_off_in_its_deviations_and_print_may_be_askew_on_its_sheet() -> None:
+    straight = seen_edges(FRONTAL.surface(BASIS), 0.0, np.random.default_rng(0))
+    points = straight.points.copy()
+    points[5, 1] += 0.004
+    for edges, worst in ((straight, 0.0), (replace(straight, points=points), 0.004 * 11 / 12 / 1e-3)):
+        observed = replace(frontal(), edges=edges)
+        off = residuals_of(FRONTAL, observed).parts(at(FRONTAL))["sides"].value
+        assert np.abs(off).max() == pytest.approx(worst, rel=0.05, abs=0.02)
+        assert int(np.argmax(np.abs(off))) == 5 or not worst
+
+
 def test_priors_pull_to_what_is_usual() -> None:
     residuals = residuals_of(FRONTAL, replace(frontal(), log_focal=np.log(1.2), focal_deviation=0.1))
     x = at(FRONTAL)
@@ -276,7 +289,7 @@ def test_only_observations_are_under_a_loss() -> None:
     for name, number in (("spacing", 3), ("margins", 4)):
         group = slice(sum(count[:number]), sum(count[: number + 1]))
         assert np.allclose(value[group], cauchy(part[name].value)[0])
-    crossing = slice(sum(count[:5]), sum(count))
+    crossing = slice(sum(count[:5]), sum(count[:6]))
     assert np.array_equal(value[crossing], part["crossing"].value)
 
 
