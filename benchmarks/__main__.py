@@ -19,6 +19,8 @@ MODULES = {
     "camera_memory": "rectify.camera_memory",
     "languages": "rectify.languages",
     "paper": "rectify.paper",
+    "print_kept": "rectify.print_kept",
+    "flatness": "rectify.flatness",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

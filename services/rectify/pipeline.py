@@ -26,9 +26,8 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
-from services.rectify.view.framing import cut_view, find_border, frame_shape
+from services.rectify.view.judged_view import best_view
 from services.rectify.view.orientation import orient_page
-from services.rectify.view.sheet_cut import paper_in_photo, restore_detail
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import read_sides
@@ -93,14 +92,11 @@ def flatten_page(
     ocr: OcrEngine | None,
     clock: StageClock,
 ) -> RectifyResult:
-    """Flat view of a `page` whose shape is known: choose the frame, turn it upright, draw it."""
-    notices, analysis, crop = list(page.notices), page.analysis, parameters.crop
+    """Flat view of a `page` whose shape is known: choose the frame, judge it, turn it upright, draw it."""
     with clock.stage("framing"):
-        border = find_border(page, crop)
-        frame = frame_shape(page, border, crop)
-        if crop == "sheet":
-            frame = cut_view(photo, frame, page, border)
-        frame = restore_detail(frame, photo.shape[0] * photo.shape[1], page.characters, page.text_height_px)
+        view = best_view(photo, page, parameters)
+    page, frame = view.page, view.frame
+    notices, analysis = [*page.notices, *view.notices], page.analysis
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -109,15 +105,14 @@ def flatten_page(
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     release_freed_memory()
     with clock.stage("remap"):
-        sheet = page.outline if crop == "sheet" else None
-        paper = None if sheet is None else paper_in_photo(sheet, page.characters)
-        flat = draw_flat_view(photo, frame, border, paper)
+        flat = draw_flat_view(photo, frame, view.border, view.paper)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
             flat = normalize_illumination(flat, places)
     printed = None if analysis is None else sample_print(analysis, page.on_page)
-    return describe_page(page, flat, frame, orientation, notices, clock, printed)
+    judged = (view.print_kept, view.error_percent)
+    return describe_page(page, flat, frame, orientation, notices, clock, printed, judged)
 
 
 def find_page(
@@ -188,4 +183,7 @@ def shape_page(
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
             "Send region, a polygon round the text, if there is some."
         )
-    return ShapedPage(evidence.view, shape, notices, outline, analysis, evidence.vanishing_points)
+    prior = prior if moved is None else moved.prior
+    return ShapedPage(
+        evidence.view, shape, notices, outline, analysis, evidence.vanishing_points, prior=prior
+    )

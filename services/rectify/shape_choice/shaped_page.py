@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import Mask, Points
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.notices import Notice
@@ -29,6 +30,8 @@ class ShapedPage:
     vanishing_points: FlowVanishingPoints | None = None
     straight_print: Points | None = None
     """Ends (M, 2) of straight lines, photo pixels, where these alone show the shape."""
+    prior: FocalPrior | None = None
+    """Of the focal length, by which other shapes may be fitted; None where none is tried."""
 
     @property
     def on_page(self) -> Mask:

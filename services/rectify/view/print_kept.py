@@ -1,0 +1,142 @@
+"""Print on the sheet, which no view may lose: its boxes, frames that grow until they hold it, the share they hold."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from services.arrays import Floats, Mask, Points
+from services.geometry.homographies import from_resized, translation
+from services.geometry.page_frame import Frame
+from services.notices import Notice
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.sheet.outline.results import LEAST_CONFIDENCE
+
+PRINT_CUT = Notice(
+    "print-cut",
+    "print on the sheet ends at the photo's border, or lies where the view ends: have the whole sheet in the photo.",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PrintParameters:
+    """What counts as print of the sheet. Lengths are in text heights."""
+
+    reach: float = 2.5
+    """Between characters of one word or line, wide word spaces included."""
+    word: int = 3
+    """Fewer characters in a row are specks, or grain of a desk."""
+    share_inside: float = 0.5
+    """Of a group of characters on the sheet: a line that goes on beyond a torn side is print, ..."""
+    least_inside: float = 0.8
+    """... unless the outline holds less than this share of all print: then it is not that of the sheet."""
+    margin: float = 0.5
+    most_growth: float = 0.2
+    """Of the view's size, on each side: what is farther away is no print of this page."""
+    touch: float = 0.1
+    """From the photo's border: what ends nearer to it is cut by it."""
+    cut: int = 3
+    """Characters that are cut or lost, from which on it is said."""
+
+
+def sheet_print(page: ShapedPage) -> Floats:
+    """Boxes (N, 4, 2) of the characters on the sheet of `page`, corners in photo pixels; none where no text is seen."""
+    analysis = page.analysis
+    if analysis is None or not page.on_page.any():
+        return np.zeros((0, 4, 2))
+    p = PrintParameters()
+    x, y, width, height = (column.astype(np.float64) for column in analysis.text.components.boxes.T)
+    # From border to border of the pixels, so that two characters may touch the photo's border.
+    low = np.column_stack([x, y]) - 0.5
+    size = np.column_stack([width, height])
+    corners = np.stack([low, low + size * [1, 0], low + size, low + size * [0, 1]], axis=1)
+    boxes = from_resized(corners.reshape(-1, 2), analysis.factor).reshape(-1, 4, 2)[page.on_page]
+    return boxes[_on_sheet(page, page.characters, p)]
+
+
+def _on_sheet(page: ShapedPage, characters: Points, p: PrintParameters) -> Mask:
+    """Which `characters` (N, 2) are in groups of the size of a word, on the sheet where its outline is seen."""
+    near = cKDTree(characters).query_pairs(p.reach * page.text_height_px, output_type="ndarray")
+    count = len(characters)
+    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(count, count))
+    group = connected_components(graph, directed=False)[1]
+    number = np.bincount(group)
+    kept = number >= p.word
+    if page.outline is not None and page.outline.confidence >= LEAST_CONFIDENCE:
+        inside = page.outline.holds(characters)
+        if inside.mean() >= p.least_inside:
+            kept &= np.bincount(group, inside) >= p.share_inside * number
+    return np.asarray(kept[group])
+
+
+def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float) -> Frame:
+    """`frame`, larger on those sides on which one of the `boxes` (N, 4, 2), photo pixels, ends outside of it."""
+    p = PrintParameters()
+    at = _in_view(frame, boxes)
+    size = np.array([frame.width, frame.height], np.float64)
+    with np.errstate(invalid="ignore"):
+        near = ((at >= -p.most_growth * size) & (at <= (1 + p.most_growth) * size)).all(axis=(1, 2))
+    if not near.any():
+        return frame
+    margin = p.margin * text_height_px * _scale(frame, boxes[near][:, 0])
+    low, high = at[near].min(axis=(0, 1)), at[near].max(axis=(0, 1))
+    before = np.where(low < -0.5, np.ceil(margin - low), 0.0)
+    after = np.where(high > size - 0.5, np.ceil(high + margin - size + 1), 0.0)
+    if not before.any() and not after.any():
+        return frame
+    width, height = (size + before + after).astype(int).tolist()
+    return frame.through(translation(float(-before[0]), float(-before[1])), width, height)
+
+
+def _scale(frame: Frame, points: Points) -> float:
+    """Pixels of the view by a pixel of the photo at `points` (N, 2), the median."""
+    half = np.array([0.0, 0.5])
+    steps = frame.to_flat(points + half) - frame.to_flat(points - half)
+    return float(np.nanmedian(np.linalg.norm(steps, axis=1)))
+
+
+def kept_print(frame: Frame, boxes: Floats, *drawn: Points | None) -> Mask:
+    """Which `boxes` (N, 4, 2), photo pixels, lie in the view, and within all polygons (M, 2) outside of which it is
+    white."""
+    at = _in_view(frame, boxes)
+    with np.errstate(invalid="ignore"):
+        kept = ((at >= -1.0) & (at <= [frame.width, frame.height])).all(axis=(1, 2))
+    for polygon in drawn:
+        if polygon is not None:
+            kept &= _within(polygon, boxes.mean(axis=1))
+    return np.asarray(kept)
+
+
+def share_kept(boxes: Floats, kept: Mask) -> float | None:
+    """Share of the `boxes` (N, 4, 2) that are `kept` (N,); None where there are none."""
+    return float(np.mean(kept)) if len(boxes) else None
+
+
+def hides_print(polygon: Points, boxes: Floats) -> bool:
+    """Whether as many characters as a word has lie outside of a `polygon` (M, 2) outside of which the view is white."""
+    return bool(np.sum(~_within(polygon, boxes.mean(axis=1))) >= PrintParameters().cut)
+
+
+def print_notices(
+    boxes: Floats, kept: Mask, size: tuple[int, int], text_height_px: float
+) -> tuple[Notice, ...]:
+    """The warning that print is cut: by the border of the photo of `size` (width, height), or as it is not `kept`."""
+    p = PrintParameters()
+    near = p.touch * text_height_px
+    low, high = boxes.min(axis=1), boxes.max(axis=1)
+    touching = (low <= near - 0.5) | (high >= np.array(size) - 0.5 - near)
+    at_one_border = max(touching.sum(axis=0), default=0)
+    return (PRINT_CUT,) if max(at_one_border, np.sum(~kept)) >= p.cut else ()
+
+
+def _in_view(frame: Frame, boxes: Floats) -> Floats:
+    return np.asarray(frame.to_flat(boxes.reshape(-1, 2)).reshape(-1, 4, 2))
+
+
+def _within(polygon: Points, points: Points) -> Mask:
+    """Which `points` (N, 2) lie in a `polygon` (M, 2), to a pixel."""
+    contour = polygon.astype(np.float32)
+    return np.array([cv2.pointPolygonTest(contour, (x, y), True) >= -1.0 for x, y in points.tolist()], bool)
