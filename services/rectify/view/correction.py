@@ -24,7 +24,7 @@ SLANT_RAD = float(np.deg2rad(0.4))
 """Standard deviation of the slant of roman type, as it is seen."""
 SKEW_RAD = float(np.deg2rad(3.0))
 """Standard deviation of the turn of print on its sheet."""
-ROUNDS = 3
+ROUNDS = 8
 LOSS_SCALE = 3.0
 """Of Cauchy's loss, in deviations: neighbouring lines are joined, a paragraph begins."""
 BEYOND = 1.2
