@@ -30,7 +30,7 @@ from benchmarks.rectify.cases import (
     photograph_case,
 )
 from benchmarks.rectify.real_photos import FOLDERS, find_photos
-from services.arrays import Floats, Points, RgbImage
+from services.arrays import Floats, GrayImage, Points, RgbImage
 from services.contract.images import ImageLimits
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
@@ -72,21 +72,24 @@ def kept_words(result: RectifyResult, boxes: Floats) -> list[bool]:
     darkest = result.image.min(axis=2)
     kept = []
     for box in boxes:
-        corners = place(box)
-        inside = place(_within(box))
-        known = inside[np.isfinite(inside).all(axis=1)].round().astype(int)
-        seen = np.isfinite(corners).all() and darkest[known[:, 1], known[:, 0]].min(initial=255) < _BLANK
-        kept.append(bool(seen))
+        parts = [place(part) for part in _ends(box)]
+        shown = all(_is_inked(darkest, part) for part in parts)
+        kept.append(bool(shown and np.isfinite(place(box)).all()))
     return kept
 
 
-def _within(box: Points, count: int = 24) -> Points:
-    """Points of a quadrilateral (4, 2), close enough to meet its letters."""
-    s, t = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, 2 * count), np.linspace(0.2, 0.8, count // 2)))
-    s, t = s[:, None], t[:, None]
-    return np.asarray(
-        (1 - t) * ((1 - s) * box[0] + s * box[1]) + t * ((1 - s) * box[3] + s * box[2]), np.float64
-    )
+def _ends(box: Points, count: int = 12) -> tuple[Points, Points]:
+    """Points of the first and the last third of a quadrilateral (4, 2), close enough to meet a letter."""
+    s, t = np.meshgrid(np.linspace(0.0, 1.0, 3 * count)[:, None], np.linspace(0.1, 0.9, count))
+    s, t = s.ravel()[:, None], t.ravel()[:, None]
+    points = (1 - t) * ((1 - s) * box[0] + s * box[1]) + t * ((1 - s) * box[3] + s * box[2])
+    return points[s[:, 0] < 0.34], points[s[:, 0] > 0.66]
+
+
+def _is_inked(darkest: GrayImage, pixels: Points) -> bool:
+    """Whether one of the view's `pixels` (N, 2) is not as white as what is drawn outside of the sheet."""
+    x, y = pixels[np.isfinite(pixels).all(axis=1)].round().astype(int).T
+    return bool(darkest[y, x].min(initial=255) < _BLANK)
 
 
 def true_words(truth: Truth) -> Floats:

@@ -55,6 +55,8 @@ class FlatnessParameters:
     """... of which so many count as one, since their windows share ink."""
     stroke_rad: float = float(np.deg2rad(1.0))
     shared_strokes: float = 4.0
+    most_lean_rad: float = float(np.deg2rad(12.0))
+    """Of a sample: what leans more in a view that is nearly flat is no stroke, and no line."""
     side: float = 0.0015
     """Of a side's points from its line, ..."""
     shared_side: float = 12.0
@@ -223,6 +225,8 @@ def _along_lines(
     """Directions of text lines are level."""
     pixels, way, weights = _directions(major, view, frame)
     turn = np.arctan(way[:, 1] / way[:, 0])
+    near = np.abs(turn) < p.most_lean_rad
+    pixels, turn, weights = pixels[near], turn[near], weights[near]
     deviation = p.direction_rad * np.sqrt(p.shared_lines / weights)
     return demand(-turn, deviation, y=field.slopes(pixels)[0])
 
@@ -233,6 +237,8 @@ def _upright_strokes(
     """Strokes are upright, but for the slant of the type."""
     pixels, way, weights = _directions(strokes, view, frame)
     lean = np.arctan(way[:, 0] / way[:, 1])
+    near = np.abs(lean) < p.most_lean_rad
+    pixels, lean, weights = pixels[near], lean[near], weights[near]
     deviation = p.stroke_rad * np.sqrt(p.shared_strokes / weights)
     return demand(-lean, deviation, x=field.slopes(pixels)[1], slant=-1.0)
 
