@@ -29,9 +29,14 @@ from services.sheet.tracing.line_tracing import trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 from services.texture_flow.field import FlowSamples
 
-FLOOR_PERCENT = 0.05
-GAIN = 2.0
-NOT_FLAT_PERCENT = 0.6
+FLOOR_PERCENT = 0.10
+"""Error of views that ask for nothing, ..."""
+GAIN = 1.56
+"""... and error by what is asked for: fitted to 300 views of 80 simulated sheets (`benchmarks flatness --fit`)."""
+NOT_FLAT_PERCENT = 0.5
+"""Expected error from which on a view is not flat. Of 300 views of 80 other sheets, right and wrong on purpose, 82 % of
+those that are off by more than 1 % expect more, 95 % where wrong proportions alone, which nothing shows, do not count,
+and none of those within 0.3 %."""
 
 
 @dataclass(frozen=True, slots=True)
