@@ -24,7 +24,7 @@ SLANT_RAD = float(np.deg2rad(1.5))
 """Standard deviation of the slant of the type: some is in italics."""
 SKEW_RAD = float(np.deg2rad(3.0))
 """Standard deviation of the turn of print on its sheet."""
-ROUNDS = 8
+ROUNDS = 5
 LOSS_SCALE = 3.0
 """Of Cauchy's loss, in deviations: neighbouring lines are joined, a paragraph begins."""
 BEYOND = 1.2

@@ -28,8 +28,8 @@ CLEARLY_FLATTER = 0.7
 """The next shape is taken where its error is below this share of the first one's."""
 
 STRAIGHT_LINES = 0.06
-"""RMS deviation of text lines from level ones, in text heights, that is hardly seen: flat pages have 0.04. Another shape
-may not leave lines less straight than that, unless the first one does."""
+"""RMS deviation of text lines from level ones, in text heights, that is hardly seen: flat pages have 0.04. The next
+shape may not leave lines less straight than that, unless the first one does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

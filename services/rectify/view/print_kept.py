@@ -20,6 +20,9 @@ PRINT_CUT = Notice(
     "print on the sheet ends at the photo's border, or lies where the view ends: have the whole sheet in the photo.",
 )
 
+MASK_SCALE = 0.25
+"""Size of the masks of polygons over that of the photo."""
+
 
 @dataclass(frozen=True, slots=True)
 class PrintParameters:
@@ -34,6 +37,8 @@ class PrintParameters:
     least_inside: float = 0.8
     """... unless the outline holds less than this share of all print: then it is not that of the sheet."""
     margin: float = 0.5
+    scale_points: int = 60
+    """By so many characters the scale of the view is told."""
     most_growth: float = 0.2
     """Of the view's size, on each side: what is farther away is no print of this page."""
     touch: float = 0.1
@@ -75,13 +80,13 @@ def _on_sheet(page: ShapedPage, characters: Points, p: PrintParameters) -> Mask:
 def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float) -> Frame:
     """`frame`, larger on those sides on which one of the `boxes` (N, 4, 2), photo pixels, ends outside of it."""
     p = PrintParameters()
-    at = _in_view(frame, boxes)
     size = np.array([frame.width, frame.height], np.float64)
+    at, _ = _near_border(frame, boxes)
     with np.errstate(invalid="ignore"):
         near = ((at >= -p.most_growth * size) & (at <= (1 + p.most_growth) * size)).all(axis=(1, 2))
     if not near.any():
         return frame
-    margin = p.margin * text_height_px * _scale(frame, boxes[near][:, 0])
+    margin = p.margin * text_height_px * _text_scale(frame, boxes, p)
     low, high = at[near].min(axis=(0, 1)), at[near].max(axis=(0, 1))
     before = np.where(low < -0.5, np.ceil(margin - low), 0.0)
     after = np.where(high > size - 0.5, np.ceil(high + margin - size + 1), 0.0)
@@ -91,19 +96,36 @@ def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float) -> Frame:
     return frame.through(translation(float(-before[0]), float(-before[1])), width, height)
 
 
-def _scale(frame: Frame, points: Points) -> float:
-    """Pixels of the view by a pixel of the photo at `points` (N, 2), the median."""
-    half = np.array([0.0, 0.5])
-    steps = frame.to_flat(points + half) - frame.to_flat(points - half)
-    return float(np.nanmedian(np.linalg.norm(steps, axis=1)))
+def _near_border(frame: Frame, boxes: Floats) -> tuple[Floats, Mask]:
+    """Corners (M, 4, 2) in the view of those `boxes` (N, 4, 2), photo pixels, that may end outside of it; which (N,).
+
+    The others lie within it for certain: their first corner does, by more than twice their size.
+    """
+    first, size = frame.to_flat(boxes[:, 0]), np.array([frame.width, frame.height])
+    reach = (
+        2 * np.linalg.norm(boxes[:, 2] - boxes[:, 0], axis=1) * _text_scale(frame, boxes, PrintParameters())
+    )
+    with np.errstate(invalid="ignore"):
+        within = ((first > reach[:, None]) & (first < size - reach[:, None])).all(axis=1)
+    corners = frame.to_flat(boxes[~within].reshape(-1, 2)).reshape(-1, 4, 2)
+    return np.asarray(corners), np.asarray(~within)
+
+
+def _text_scale(frame: Frame, boxes: Floats, p: PrintParameters) -> float:
+    """Pixels of the view by a pixel of the photo at the `boxes` (N, 4, 2), the median; 0 without any."""
+    points, half = boxes[:: max(len(boxes) // p.scale_points, 1), 0], np.array([0.0, 0.5])
+    steps = np.linalg.norm(frame.to_flat(points + half) - frame.to_flat(points - half), axis=1)
+    known = steps[np.isfinite(steps)]
+    return float(np.median(known)) if len(known) else 0.0
 
 
 def kept_print(frame: Frame, boxes: Floats, *drawn: Points | None) -> Mask:
     """Which `boxes` (N, 4, 2), photo pixels, lie in the view, and within all polygons (M, 2) outside of which it is
     white."""
-    at = _in_view(frame, boxes)
+    at, near = _near_border(frame, boxes)
+    kept = ~near
     with np.errstate(invalid="ignore"):
-        kept = ((at >= -1.0) & (at <= [frame.width, frame.height])).all(axis=(1, 2))
+        kept[near] = ((at >= -1.0) & (at <= [frame.width, frame.height])).all(axis=(1, 2))
     for polygon in drawn:
         if polygon is not None:
             kept &= _within(polygon, boxes.mean(axis=1))
@@ -132,11 +154,15 @@ def print_notices(
     return (PRINT_CUT,) if max(at_one_border, np.sum(~kept)) >= p.cut else ()
 
 
-def _in_view(frame: Frame, boxes: Floats) -> Floats:
-    return np.asarray(frame.to_flat(boxes.reshape(-1, 2)).reshape(-1, 4, 2))
-
-
 def _within(polygon: Points, points: Points) -> Mask:
-    """Which `points` (N, 2) lie in a `polygon` (M, 2), to a pixel."""
-    contour = polygon.astype(np.float32)
-    return np.array([cv2.pointPolygonTest(contour, (x, y), True) >= -1.0 for x, y in points.tolist()], bool)
+    """Which `points` (N, 2) lie in a `polygon` (M, 2) of photo pixels, to a few pixels outwards: on a smaller mask."""
+    low = np.floor(polygon.min(axis=0)) - 1 / MASK_SCALE
+    size = np.ceil((polygon.max(axis=0) - low) * MASK_SCALE).astype(int) + 2
+    mask = np.zeros((size[1], size[0]), np.uint8)
+    corners = [np.round((polygon - low) * MASK_SCALE).astype(np.int32)]
+    cv2.fillPoly(mask, corners, 1)
+    cv2.polylines(mask, corners, True, 1, 2)
+    at = np.round((points - low) * MASK_SCALE).astype(int)
+    inside = ((at >= 0) & (at < size)).all(axis=1)
+    at = np.clip(at, 0, size - 1)
+    return np.asarray(inside & (mask[at[:, 1], at[:, 0]] > 0))
