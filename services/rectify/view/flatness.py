@@ -103,7 +103,7 @@ class Flatness:
 
 
 def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
-    """How flat the view of `page` through `frame` is, its text lines level; None without text and without sides."""
+    """How flat the view of `page` through `frame` is, its text lines level; None without lines and sides."""
     p, field = FlatnessParameters(), SmoothField(frame.width, frame.height)
     demands: list[Demand] = []
     straightness: float | None = None
@@ -128,7 +128,7 @@ def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
         angle = float(np.ptp([side.turn_rad for side in sides]))
         doubt = 1.0 if page.outline.confidence >= p.certain else 2.0
         demands += [_straight_side(side, field, doubt * p.side, p) for side in sides]
-    if not demands:
+    if straightness is None and not sides:
         return None
     return Flatness(straightness, bend, angle, asked_percent(field, demands))
 

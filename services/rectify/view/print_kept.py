@@ -12,6 +12,7 @@ from services.arrays import Floats, Mask, Points
 from services.geometry.homographies import from_resized, translation
 from services.geometry.page_frame import Frame
 from services.notices import Notice
+from services.rectify.shape_choice.choice import CERTAIN_OUTLINE
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.outline.results import LEAST_CONFIDENCE
 
@@ -35,7 +36,8 @@ class PrintParameters:
     share_inside: float = 0.5
     """Of a group of characters on the sheet: a line that goes on beyond a torn side is print, ..."""
     least_inside: float = 0.8
-    """... unless the outline holds less than this share of all print: then it is not that of the sheet."""
+    """... unless the outline holds less than this share of all print, and is not certain: then it may not be the
+    sheet's. On some photos half of what looks like print is grain of a desk."""
     margin: float = 0.5
     scale_points: int = 60
     """By so many characters the scale of the view is told."""
@@ -44,7 +46,9 @@ class PrintParameters:
     touch: float = 0.1
     """From the photo's border: what ends nearer to it is cut by it."""
     cut: int = 3
-    """Characters that are cut or lost, from which on it is said."""
+    """Characters that are cut or lost, from which on it is said, ..."""
+    most_lost: float = 0.005
+    """... unless this share of all is not exceeded by the lost ones: they may be specks, as when a view is cut."""
 
 
 def sheet_print(page: ShapedPage) -> Floats:
@@ -72,7 +76,7 @@ def _on_sheet(page: ShapedPage, characters: Points, p: PrintParameters) -> Mask:
     kept = number >= p.word
     if page.outline is not None and page.outline.confidence >= LEAST_CONFIDENCE:
         inside = page.outline.holds(characters)
-        if inside.mean() >= p.least_inside:
+        if page.outline.confidence >= CERTAIN_OUTLINE or inside.mean() >= p.least_inside:
             kept &= np.bincount(group, inside) >= p.share_inside * number
     return np.asarray(kept[group])
 
@@ -151,7 +155,9 @@ def print_notices(
     low, high = boxes.min(axis=1), boxes.max(axis=1)
     touching = (low <= near - 0.5) | (high >= np.array(size) - 0.5 - near)
     at_one_border = max(touching.sum(axis=0), default=0)
-    return (PRINT_CUT,) if max(at_one_border, np.sum(~kept)) >= p.cut else ()
+    lost = int(np.sum(~kept))
+    is_lost = lost >= p.cut and lost > p.most_lost * len(kept)
+    return (PRINT_CUT,) if is_lost or at_one_border >= p.cut else ()
 
 
 def _within(polygon: Points, points: Points) -> Mask:
