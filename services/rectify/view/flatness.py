@@ -24,7 +24,7 @@ from services.rectify.view.correction import (
     without_means,
 )
 from services.sheet.developable.observations import LineObservations
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline, SheetSide
+from services.sheet.outline.results import SheetOutline, SheetSide
 from services.sheet.tracing.line_tracing import trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 from services.texture_flow.field import FlowSamples
@@ -66,6 +66,8 @@ class FlatnessParameters:
     """Of a side's points from its line, ..."""
     shared_side: float = 12.0
     """... on as many independent ones."""
+    least_confidence: float = 0.7
+    """Of an outline whose sides count: a less certain one may be that of a stack of pages, or of a whole book."""
     certain: float = 0.8
     """Confidence of the outline below which its sides count half."""
     min_seen: float = 0.3
@@ -282,7 +284,7 @@ class _Side:
 
 
 def _seen_sides(outline: SheetOutline | None, frame: Frame, p: FlatnessParameters) -> list[_Side]:
-    if outline is None or outline.confidence < LEAST_CONFIDENCE:
+    if outline is None or outline.confidence < p.least_confidence:
         return []
     sides = [_side_in_view(side, frame, p) for side in outline.sides if side.seen >= p.min_seen]
     return [side for side in sides if side is not None]
