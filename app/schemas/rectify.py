@@ -195,7 +195,7 @@ class Evidence(Answer):
         default=None,
         ge=0,
         le=1,
-        description="Share of the characters on the sheet that lie in the view with their whole box; null without text.",
+        description="Share of the characters on the sheet that the view shows with their whole box; null: no text.",
     )
     flatness_error_percent: float | None = Field(
         default=None,
