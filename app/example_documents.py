@@ -83,6 +83,8 @@ RECTIFIED: dict[str, Any] = {
         "source": ["text"],
         "outline_confidence": None,
         "sides_seen": 0,
+        "print_kept": 1.0,
+        "flatness_error_percent": 0.12,
     },
     "camera": {
         "focal_length_px": 2503.4,

@@ -21,6 +21,8 @@ MODULES = {
     "paper": "rectify.paper",
     "app_scans": "rectify.app_scans",
     "whole_sheets": "rectify.whole_sheets",
+    "print_kept": "rectify.print_kept",
+    "flatness": "rectify.flatness",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

@@ -192,6 +192,18 @@ class Evidence(Answer):
         ge=0, le=1, description="Confidence of the sheet's edges; null: none were found."
     )
     sides_seen: int = Field(ge=0, le=4, description="Number of sides of the sheet with a visible edge.")
+    print_kept: float | None = Field(
+        default=None,
+        ge=0,
+        le=1,
+        description="Share of the characters on the sheet that the view shows with their whole box; null: no text.",
+    )
+    flatness_error_percent: float | None = Field(
+        default=None,
+        ge=0,
+        description="Error of the mesh to expect (RMS after the best similarity, percent of the page's width), by what "
+        "the view shows of itself; null where it shows nothing, and in previews.",
+    )
 
 
 class Camera(Answer):

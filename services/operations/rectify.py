@@ -260,6 +260,8 @@ def describe_rectification(result: RectifyResult, photo_size: tuple[int, int]) -
             "source": list(result.evidence.source),
             "outline_confidence": rounded(result.evidence.outline_confidence),
             "sides_seen": result.evidence.sides_seen,
+            "print_kept": rounded(result.evidence.print_kept),
+            "flatness_error_percent": rounded(result.evidence.flatness_error_percent, 2),
         },
         "camera": {
             "focal_length_px": rounded(result.camera.focal_length_px, 2),

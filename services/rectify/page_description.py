@@ -23,13 +23,17 @@ def describe_page(
     notices: Sequence[Notice],
     clock: StageClock,
     printed: PrintSample | None,
+    judged: tuple[float | None, float | None] = (None, None),
 ) -> RectifyResult:
-    """The result whose view is `image`, seen through `frame` after it was turned by `orientation`."""
+    """The result whose view is `image`, seen through `frame` after it was turned by `orientation`.
+
+    `judged` is the share of the print that it keeps and the error of the mesh to expect, in percent.
+    """
     mesh = np.asarray(mesh_of(frame), np.float64)
     return RectifyResult(
         image,
         page.shape.kind,
-        describe_evidence(page),
+        describe_evidence(page, judged),
         describe_camera(page),
         page.shape.surface(page.view),
         orientation,
@@ -42,13 +46,13 @@ def describe_page(
     )
 
 
-def describe_evidence(page: ShapedPage) -> Evidence:
-    """Convergence of both flows, the share of text, and what decided the shape."""
+def describe_evidence(page: ShapedPage, judged: tuple[float | None, float | None] = (None, None)) -> Evidence:
+    """Convergence of both flows, the share of text, what decided the shape, and how its view was `judged`."""
     confidence = None if page.outline is None else page.outline.confidence
     sides = 0 if page.outline is None else sum(side.seen > 0 for side in page.outline.sides)
     source, points, analysis = page.shape.sources, page.vanishing_points, page.analysis
     if points is None or analysis is None:
-        return Evidence(None, None, 0.0, source, confidence, sides)
+        return Evidence(None, None, 0.0, source, confidence, sides, *judged)
     return Evidence(
         points.horizontal.convergence,
         None if analysis.minor is None else points.vertical.convergence,
@@ -56,6 +60,7 @@ def describe_evidence(page: ShapedPage) -> Evidence:
         source,
         confidence,
         sides,
+        *judged,
     )
 
 

@@ -1,5 +1,6 @@
 """The steps of `rectify`, in their order."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from services.arrays import RgbImage
@@ -21,7 +22,7 @@ from services.rectify.analysis.print_sample import sample_print
 from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.results import Orientation, RectifyResult
-from services.rectify.shape_choice.choice import choose_shape
+from services.rectify.shape_choice.choice import rank_shapes
 from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page
 from services.rectify.shape_choice.principal_point import find_principal_point
 from services.rectify.shape_choice.shaped_page import ShapedPage
@@ -29,13 +30,13 @@ from services.rectify.shape_choice.text_check import refusal_of_text
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
-from services.rectify.view.framing import cut_view, find_border, frame_shape
+from services.rectify.view.judged_view import best_view
 from services.rectify.view.orientation import orient_page
 from services.rectify.view.paper_fit import fit_to_paper
-from services.rectify.view.sheet_cut import paper_in_photo, restore_detail
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import read_sides
+from services.sheet.shape import PageShape
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
@@ -100,14 +101,11 @@ def flatten_page(
     ocr: OcrEngine | None,
     clock: StageClock,
 ) -> RectifyResult:
-    """Flat view of a `page` whose shape is known: choose the frame, turn it upright, draw it."""
-    notices, analysis, crop = list(page.notices), page.analysis, parameters.crop
+    """Flat view of a `page` whose shape is known: choose the frame, judge it, turn it upright, draw it."""
     with clock.stage("framing"):
-        border = find_border(page, crop)
-        frame = frame_shape(page, border, crop)
-        if crop == "sheet":
-            frame = cut_view(photo, frame, page, border)
-        frame = restore_detail(frame, photo.shape[0] * photo.shape[1], page.characters, page.text_height_px)
+        view = best_view(photo, page, parameters)
+    page, frame = view.page, view.frame
+    notices, analysis = [*page.notices, *view.notices], page.analysis
     orientation = Orientation(0, False, None)
     if parameters.upright:
         with clock.stage("orientation"):
@@ -115,21 +113,18 @@ def flatten_page(
         notices += [notice] if notice else []
     frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
     stretch = None
-    if crop == "sheet":
+    if parameters.crop == "sheet":
         frame, stretch = fit_to_paper(frame, page, parameters.paper)
     release_freed_memory()
     with clock.stage("remap"):
-        sheet = page.outline if crop == "sheet" else None
-        paper = None if sheet is None else paper_in_photo(sheet, page.characters)
-        if page.ground is not None and crop == "sheet":
-            paper = page.ground.outline
-        flat = draw_flat_view(photo, frame, border, paper)
+        flat = draw_flat_view(photo, frame, view.border, view.paper)
     if parameters.illumination == "normalize":
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
             flat = normalize_illumination(flat, places)
     printed = None if analysis is None else sample_print(analysis, page.on_page)
-    described = describe_page(page, flat, frame, orientation, notices, clock, printed)
+    judged = (view.print_kept, view.error_percent)
+    described = describe_page(page, flat, frame, orientation, notices, clock, printed, judged)
     return replace(described, stretch=stretch)
 
 
@@ -166,7 +161,8 @@ def find_page(
             if is_flat_asked:
                 flat = flat_page(halves, analysis, outline, view, prior, is_document=is_document)
         if flat is not None:
-            return flat
+            others = _if_not_flat(analysis, view, prior, parameters.kind, clock, outline)
+            return replace(flat, others=others)
         page = shape_page(analysis, view, prior, parameters.kind, clock, outline)
         return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
     except NoText as refusal:
@@ -206,15 +202,42 @@ def shape_page(
         sheet = read_sides(outline, view, prior)
         view = view if sheet is None else sheet.view
         evidence = analysis.evidence(view)
-        shape = choose_shape(evidence, prior, kind, outline, sheet)
+        ranked = rank_shapes(evidence, prior, kind, outline, sheet)
+        shape = next(ranked)
         notices = shape.notices
         moved = find_principal_point(evidence, prior, shape)
         if moved is not None:  # a cropped photo: repeat all relative to the principal point that was found
             sheet = read_sides(outline, moved.evidence.view, moved.prior)
-            again = choose_shape(moved.evidence, moved.prior, kind, outline, sheet)
+            ranked_again = rank_shapes(moved.evidence, moved.prior, kind, outline, sheet)
+            again = next(ranked_again)
             if type(again) is type(shape):
-                shape, evidence, notices = again, moved.evidence, (*moved.notices, *again.notices)
+                shape, ranked, evidence = again, ranked_again, moved.evidence
+                notices = (*moved.notices, *again.notices)
         refusal = refusal_of_text(analysis, evidence, shape, outline)
     if refusal is not None:
         raise NoText(refusal)
-    return ShapedPage(evidence.view, shape, notices, outline, analysis, evidence.vanishing_points)
+    page = ShapedPage(evidence.view, shape, notices, outline, analysis, evidence.vanishing_points)
+    return replace(page, others=_other_shapes(page, ranked, kind))
+
+
+def _other_shapes(page: ShapedPage, ranked: Iterator[PageShape], kind: PageKind) -> Iterator[ShapedPage]:
+    """`page` by the `ranked` shapes that come after its own, of the `kind` that was asked for."""
+    kept = tuple(notice for notice in page.notices if notice not in page.shape.notices)
+    for shape in ranked:
+        if kind in ("auto", shape.kind):
+            yield replace(page, shape=shape, notices=(*kept, *shape.notices))
+
+
+def _if_not_flat(
+    analysis: PageAnalysis,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    kind: PageKind,
+    clock: StageClock,
+    outline: SheetOutline | None,
+) -> Iterator[ShapedPage]:
+    """The page by the shape that its text shows, where the photo itself is not flat enough."""
+    try:
+        yield shape_page(analysis, view, prior, kind, clock, outline)
+    except NoText:
+        return

@@ -38,6 +38,7 @@ from services.rectify.shape_choice.textless import planar_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.framing import find_border, frame_shape
 from services.rectify.view.paper_fit import fit_to_paper
+from services.rectify.view.print_kept import grow_to_print, kept_print, share_kept, sheet_print
 from services.rectify.view.sheet_cut import cut_to_outline
 from services.sheet.outline.candidates import CandidateParameters
 from services.sheet.outline.detection import OutlineParameters, find_outline
@@ -171,13 +172,17 @@ def preview_page(
         frame = frame_shape(page, find_border(page, parameters.crop), parameters.crop)
         if parameters.crop == "sheet" and page.outline is not None:
             frame, _ = cut_to_outline(frame, page.outline, page.characters)
+        boxes = sheet_print(page)
+        frame = grow_to_print(frame, boxes, page.text_height_px)
+        kept = share_kept(boxes, kept_print(frame, boxes))
         stretch = None
         if parameters.crop == "sheet":
             frame, stretch = fit_to_paper(frame, page, parameters.paper)
     # Nothing is drawn: one white pixel has the size of the view.
     blank = np.broadcast_to(np.full((1, 1, 3), 255, np.uint8), (frame.height, frame.width, 3))
     printed = None if text is None else PrintSample(text.characters, print_heights(text.text) / text.factor)
-    described = describe_page(page, blank, frame, Orientation(0, False, None), page.notices, clock, printed)
+    turn = Orientation(0, False, None)
+    described = describe_page(page, blank, frame, turn, page.notices, clock, printed, (kept, None))
     return replace(described, stretch=stretch)
 
 

@@ -28,6 +28,10 @@ class Evidence:
     source: tuple[ShapeSource, ...] = ("text",)
     outline_confidence: float | None = None
     sides_seen: int = 0
+    print_kept: float | None = None
+    """Share, 0-1, of the characters on the sheet that lie in the view with their whole box; None without text."""
+    flatness_error_percent: float | None = None
+    """RMS error of the mesh to expect, percent of the page's width; None where nothing in the view shows it."""
 
 
 @dataclass(frozen=True, slots=True)

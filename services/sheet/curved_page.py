@@ -96,10 +96,14 @@ class CurvedPage:
     lines: LineObservations
     edges: SheetEdges = NO_EDGES
     kind: ClassVar[Literal["curved"]] = "curved"
-    sources: ClassVar[tuple[ShapeSource, ...]] = ("text",)
     sides_believed: ClassVar[bool] = False
     sheet_aspect: ClassVar[None] = None
     ends_at_sides: ClassVar[bool] = False
+
+    @property
+    def sources(self) -> tuple[ShapeSource, ...]:
+        """See `PageShape`."""
+        return ("text", "outline") if len(self.edges.points) else ("text",)
 
     @property
     def focal(self) -> float:

@@ -26,6 +26,8 @@ def document(parameters: RectifyParameters, encoding: Encoding, image: str | Non
             "source": ["text"],
             "outline_confidence": None,
             "sides_seen": 0,
+            "print_kept": 1.0,
+            "flatness_error_percent": 0.12,
         },
         "camera": {
             "focal_length_px": parameters.focal_length_px,

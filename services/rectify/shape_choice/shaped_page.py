@@ -1,6 +1,7 @@
 """A page whose shape is known, before it is drawn."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,6 +33,8 @@ class ShapedPage:
     """Ends (M, 2) of straight lines, photo pixels, where these alone show the shape."""
     ground: Ground | None = None
     """The paper, where it is of one kind up to the photo's frame."""
+    others: Iterator["ShapedPage"] = field(default_factory=lambda: iter(()))
+    """The same page by other shapes, the likeliest one first; each is fitted when it is asked for."""
 
     @property
     def on_page(self) -> Mask:

@@ -52,6 +52,8 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
             "source": ["text"],
             "outline_confidence": None,
             "sides_seen": 0,
+            "print_kept": None,
+            "flatness_error_percent": None,
         },
         "surface": {"type": "plane", "normal": [0.0, 0.6, 0.8]},
         "orientation": {"rotation_deg": 270, "mirrored": False, "confidence": 0.98},

@@ -1,0 +1,322 @@
+"""How flat a view is, by print and sides that it shows: figures, and the error of the mesh to expect.
+
+Text lines are traced in the view anew, by the tracer that the shape was not fitted to. With the flows, the line
+spacing, the margins and the sides of the sheet they ask for a smooth field of shifts (`correction`); its size is
+calibrated on simulated pages, on right shapes and on wrong ones (`benchmarks flatness`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import Points, Vector
+from services.geometry.page_frame import Frame
+from services.geometry.photo_frame import PhotoFrame
+from services.notices import Notice
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view.correction import (
+    Demand,
+    SmoothField,
+    asked_percent,
+    demand,
+    finite,
+    without_means,
+)
+from services.sheet.developable.observations import LineObservations
+from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.tracing.line_tracing import trace_by_characters
+from services.sheet.tracing.profile_tracing import trace_by_profiles
+from services.texture_flow.field import FlowSamples
+
+FLOOR_PERCENT = 0.10
+"""Error of views that ask for nothing, ..."""
+GAIN = 1.56
+"""... and error by what is asked for: fitted to 300 views of 80 simulated sheets (`benchmarks flatness --fit`)."""
+NOT_FLAT_PERCENT = 0.55
+"""Expected error from which on a view is not flat. Of 300 views of 80 other sheets, right and wrong on purpose, 81 % of
+those that are off by more than 1 % expect more, 93 % where wrong proportions alone, which nothing shows, do not count,
+and none of those within 0.3 %. A lower limit finds few more: 82 % at 0.4, but warns of 2 % of the right ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlatnessParameters:
+    """Deviations of what a flat view shows. Lengths are in text heights, but those of sides in widths of the view."""
+
+    line: float = 0.05
+    """Of a point of a traced line: letters differ by design."""
+    gap: float = 1.7
+    """Steps between the points of a line at which it ends: beyond a gutter the next line is another one, ..."""
+    jump: float = 0.35
+    """... as it is after a step up or down by this."""
+    spacing: float = 0.05
+    """Of the distance from line to line."""
+    fewest_spaces: int = 3
+    margin: float = 0.6
+    fewest_ends: int = 4
+    direction_rad: float = float(np.deg2rad(1.2))
+    """Of a sample of the lines' directions, ..."""
+    shared_lines: float = 12.0
+    """... of which so many count as one, since their windows share ink."""
+    stroke_rad: float = float(np.deg2rad(1.0))
+    shared_strokes: float = 4.0
+    most_lean_rad: float = float(np.deg2rad(12.0))
+    """Of a sample: what leans more in a view that is nearly flat is no stroke, and no line."""
+    side: float = 0.0015
+    """Of a side's points from its line, ..."""
+    shared_side: float = 12.0
+    """... on as many independent ones."""
+    least_confidence: float = 0.7
+    """Of an outline whose sides count: a less certain one may be that of a stack of pages, or of a whole book."""
+    certain: float = 0.8
+    """Confidence of the outline below which its sides count half."""
+    min_seen: float = 0.3
+    fewest_points: int = 8
+    most_points: int = 1000
+    """Of the lines, ..."""
+    most_samples: int = 300
+    """... and of each flow: more take time and tell little more. They are left out evenly."""
+    scale_points: int = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Flatness:
+    """What a view shows of its own flatness; None where it shows nothing of that kind.
+
+    `line_straightness` is the RMS distance of text lines from level ones, in text heights, `side_bend_percent` that of
+    the most bent side from its straight line, in percent of the view's width, `right_angle_rad` the largest difference
+    of the sides' directions up to quarter turns, `asked_percent` the RMS shift that all of it asks for.
+    """
+
+    line_straightness: float | None
+    side_bend_percent: float | None
+    right_angle_rad: float | None
+    asked_percent: float
+
+    @property
+    def error_percent(self) -> float:
+        """RMS error of the mesh to expect, after the best similarity, percent of the page's width."""
+        return float(np.hypot(FLOOR_PERCENT, GAIN * self.asked_percent))
+
+    @property
+    def passes(self) -> bool:
+        """Whether the view counts as flat."""
+        return self.error_percent <= NOT_FLAT_PERCENT
+
+
+def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
+    """How flat the view of `page` through `frame` is, its text lines level; None without lines and sides."""
+    p, field = FlatnessParameters(), SmoothField(frame.width, frame.height)
+    demands: list[Demand] = []
+    straightness: float | None = None
+    if page.analysis is not None:
+        evidence = page.analysis.evidence(page.view)
+        # The mesh of a creased sheet was fitted to lines that were traced by profiles, other shapes were not.
+        trace = trace_by_characters if page.shape.ends_at_sides else trace_by_profiles
+        lines = trace(evidence.text, page.view, page.shape.page_map)
+        if lines.count:
+            text = _text_lines(lines, page.view, frame, p)
+            straightness = text.straightness()
+            demands += [_level(text, field, p), *_even_spacing(lines, text, field, p)]
+            demands += _flush_margins(lines, page.view, frame, text.height_px, field, p)
+        demands.append(_along_lines(evidence.major, page.view, frame, field, p))
+        if evidence.strokes is not None:
+            demands.append(_upright_strokes(evidence.strokes, page.view, frame, field, p))
+    bend: float | None = None
+    angle: float | None = None
+    sides = _seen_sides(page.outline, frame, p)
+    if sides and page.outline is not None:
+        bend = 100 / frame.width * max(side.bend_px for side in sides)
+        angle = float(np.ptp([side.turn_rad for side in sides]))
+        doubt = 1.0 if page.outline.confidence >= p.certain else 2.0
+        demands += [_straight_side(side, field, doubt * p.side, p) for side in sides]
+    if straightness is None and not sides:
+        return None
+    return Flatness(straightness, bend, angle, asked_percent(field, demands))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _TextLines:
+    """Points (N, 2) of text lines in pixels of the view, of the traced `line` (N,) and of a `piece` (N,) of it without
+    jumps."""
+
+    pixels: Points
+    line: NDArray[np.intp]
+    piece: NDArray[np.intp]
+    height_px: float
+
+    def straightness(self) -> float:
+        """RMS distance of the points from level pieces, in text heights, the worst tenth left out."""
+        rest = np.sort(np.abs(without_means(self.pixels[:, 1:], self.piece)[:, 0]))
+        return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2))) / self.height_px
+
+
+def _text_lines(lines: LineObservations, view: PhotoFrame, frame: Frame, p: FlatnessParameters) -> _TextLines:
+    """The traced lines in pixels of the view, in pieces that are those of one line for certain."""
+    seen = view.to_photo(lines.points)
+    pixels = frame.to_flat(seen)
+    thin = seen[:: max(len(seen) // p.scale_points, 1)]
+    height = float(np.nanmedian(_growth(thin, frame))) * lines.text_height * view.unit_px
+    known = finite(pixels)
+    pixels, line = pixels[known], lines.index[known]
+    order = np.lexsort((pixels[:, 0], line))
+    pixels, line = pixels[order], line[order]
+    step, same = np.diff(pixels, axis=0), np.diff(line) == 0
+    usual, slope = 1.0, 0.0
+    if same.any():
+        usual = float(np.median(step[same, 0]))
+        slope = float(np.median(step[same, 1] / np.maximum(step[same, 0], 1e-6)))
+    ends = ~same | (step[:, 0] > p.gap * usual) | (np.abs(step[:, 1] - slope * step[:, 0]) > p.jump * height)
+    piece = np.concatenate([[0], np.cumsum(ends)]) if len(line) else line
+    return _TextLines(pixels, line, piece, height)
+
+
+def _growth(photo: Points, frame: Frame) -> Vector:
+    """Length in pixels of the view of an upright pixel at the `photo` points (N, 2)."""
+    half = np.array([0.0, 0.5])
+    return np.asarray(np.linalg.norm(frame.to_flat(photo + half) - frame.to_flat(photo - half), axis=1))
+
+
+def _level(text: _TextLines, field: SmoothField, p: FlatnessParameters) -> Demand:
+    """Every piece of a line has one height."""
+    thin = max(-(-len(text.piece) // p.most_points), 1)
+    pixels, piece = text.pixels[::thin], np.unique(text.piece[::thin], return_inverse=True)[1]
+    y = pixels[:, 1:]
+    level = y - without_means(y, piece)
+    # At the line's height, not at the point's: the error of a point must not be in both sides of its equation.
+    terms = without_means(field.values(np.column_stack([pixels[:, 0], level])), piece)
+    deviation = p.line * text.height_px / field.width / np.sqrt(thin)
+    return demand((level - y)[:, 0] / field.width, deviation, y=terms)
+
+
+def _even_spacing(
+    lines: LineObservations, text: _TextLines, field: SmoothField, p: FlatnessParameters
+) -> list[Demand]:
+    """The lines of a paragraph, and of paragraphs alike, are equally far apart."""
+    count = np.bincount(text.line, minlength=lines.count)
+    values = np.column_stack([text.pixels[:, 1] / field.width, field.values(text.pixels)])
+    sums = [np.bincount(text.line, column, lines.count) for column in values.T]
+    means = np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
+    alone = set(range(len(lines.runs))) - {int(k) for group in lines.alike for k in group}
+    groups = [group.tolist() for group in lines.alike] + [[k] for k in sorted(alone)]
+    found = []
+    for group in groups:
+        rows = [lines.runs[k].lines[count[lines.runs[k].lines] > 1] for k in group]
+        orders = [lines.runs[k].order[count[lines.runs[k].lines] > 1] for k in group]
+        steps = np.concatenate([np.diff(order) for order in orders])
+        if len(steps) < p.fewest_spaces:
+            continue
+        apart = np.concatenate([np.diff(means[row], axis=0) for row in rows])
+        apart[:, 0] -= float(np.median(apart[:, 0] / steps)) * steps
+        # The common spacing is free.
+        free = apart - np.outer(steps, steps @ apart / (steps @ steps))
+        found.append(demand(-free[:, 0], p.spacing * text.height_px / field.width, y=free[:, 1:]))
+    return found
+
+
+def _flush_margins(
+    lines: LineObservations,
+    view: PhotoFrame,
+    frame: Frame,
+    height_px: float,
+    field: SmoothField,
+    p: FlatnessParameters,
+) -> list[Demand]:
+    """Ends of lines that are flush lie at one place."""
+    found = []
+    for ends in lines.margins:
+        pixels = frame.to_flat(view.to_photo(ends))
+        pixels = pixels[finite(pixels)]
+        if len(pixels) >= p.fewest_ends:
+            together = np.zeros(len(pixels), np.intp)
+            x = without_means(pixels[:, :1], together)[:, 0] / field.width
+            terms = without_means(field.values(pixels), together)
+            found.append(demand(-x, p.margin * height_px / field.width, x=terms))
+    return found
+
+
+def _along_lines(
+    major: FlowSamples, view: PhotoFrame, frame: Frame, field: SmoothField, p: FlatnessParameters
+) -> Demand:
+    """Directions of text lines are level."""
+    pixels, way, weights = _directions(major, view, frame, p)
+    turn = np.arctan(way[:, 1] / way[:, 0])
+    near = np.abs(turn) < p.most_lean_rad
+    pixels, turn, weights = pixels[near], turn[near], weights[near]
+    deviation = p.direction_rad * np.sqrt(p.shared_lines / weights)
+    return demand(-turn, deviation, y=field.slopes(pixels)[0])
+
+
+def _upright_strokes(
+    strokes: FlowSamples, view: PhotoFrame, frame: Frame, field: SmoothField, p: FlatnessParameters
+) -> Demand:
+    """Strokes are upright, but for the slant of the type."""
+    pixels, way, weights = _directions(strokes, view, frame, p)
+    lean = np.arctan(way[:, 0] / way[:, 1])
+    near = np.abs(lean) < p.most_lean_rad
+    pixels, lean, weights = pixels[near], lean[near], weights[near]
+    deviation = p.stroke_rad * np.sqrt(p.shared_strokes / weights)
+    return demand(-lean, deviation, x=field.slopes(pixels)[1], slant=-1.0)
+
+
+def _directions(
+    samples: FlowSamples, view: PhotoFrame, frame: Frame, p: FlatnessParameters
+) -> tuple[Points, Points, Vector]:
+    """Places (N, 2) of the samples in the view, their directions (N, 2) there, and their weights."""
+    thin = max(-(-len(samples) // p.most_samples), 1)
+    photo, angles = view.to_photo(samples.points[::thin]), samples.angles[::thin]
+    step = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    before, after = frame.to_flat(photo - step), frame.to_flat(photo + step)
+    known = finite(before) & finite(after)
+    before, after = before[known], after[known]
+    way = np.where(np.abs(after - before) < 1e-9, 1e-9, after - before)
+    return 0.5 * (before + after), way, np.maximum(thin * samples.weights[::thin][known], 1e-3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Side:
+    """A side of the sheet in the view: `points` (N, 2) in pixels, and the axis (0: x) that it is at right angles to."""
+
+    points: Points
+    axis: int
+    bend_px: float
+    turn_rad: float
+
+
+def _seen_sides(outline: SheetOutline | None, frame: Frame, p: FlatnessParameters) -> list[_Side]:
+    if outline is None or outline.confidence < p.least_confidence:
+        return []
+    sides = [_side_in_view(side, frame, p) for side in outline.sides if side.seen >= p.min_seen]
+    return [side for side in sides if side is not None]
+
+
+def _side_in_view(side: SheetSide, frame: Frame, p: FlatnessParameters) -> _Side | None:
+    points = frame.to_flat(side.points)
+    points = points[finite(points)]
+    if len(points) < p.fewest_points:
+        return None
+    _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    axis = 0 if abs(axes[0, 1]) > abs(axes[0, 0]) else 1
+    slope = float(axes[0, axis] / axes[0, 1 - axis])
+    bend = float(spread[1]) / np.sqrt(len(points))
+    return _Side(points, axis, bend, float(np.arctan(slope if axis == 1 else -slope)))
+
+
+def _straight_side(side: _Side, field: SmoothField, deviation: float, p: FlatnessParameters) -> Demand:
+    """A side is straight, and at right angles to the others; all of them may be turned against the print."""
+    together = np.zeros(len(side.points), np.intp)
+    place = without_means(side.points, together) / field.width
+    terms = without_means(field.values(side.points), together)
+    turned = place[:, 1 - side.axis] * (1.0 if side.axis == 1 else -1.0)
+    shared = deviation * np.sqrt(max(len(side.points) / p.shared_side, 1.0))
+    x, y = (terms, None) if side.axis == 0 else (None, terms)
+    return demand(-place[:, side.axis], shared, x=x, y=y, skew=-turned)
+
+
+def not_flat(error_percent: float) -> Notice:
+    """The warning of a view that shows that it is not flat, and for which no better shape was found."""
+    return Notice(
+        "not-flat",
+        f"lines, strokes or sides in the view are not those of a flat page: expect places to be off by about "
+        f"{error_percent:.1f} % of its width. Photograph the page flatter, from above, with all four sides in view.",
+    )

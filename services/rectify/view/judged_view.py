@@ -1,0 +1,105 @@
+"""A view that was judged before it is drawn: its frame, the print that it keeps, and how flat it is.
+
+A view that is not flat is tried again with the next shape, once.
+"""
+
+from dataclasses import dataclass, replace
+
+from services.arrays import Points, RgbImage
+from services.contract.rectify import Crop, RectifyParameters
+from services.geometry.page_frame import Frame
+from services.imaging.paper import certain_sheet
+from services.notices import Notice
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
+from services.rectify.view.framing import cut_view, find_border, frame_shape
+from services.rectify.view.print_kept import (
+    grow_to_print,
+    hides_print,
+    kept_print,
+    print_notices,
+    share_kept,
+    sheet_print,
+)
+from services.rectify.view.sheet_cut import paper_in_photo, restore_detail
+
+CLEARLY_FLATTER = 0.7
+"""The next shape is taken where its error is below this share of the first one's."""
+
+STRAIGHT_LINES = 0.06
+"""RMS deviation of text lines from level ones, in text heights, that is hardly seen: flat pages have 0.04. The next
+shape may not leave lines less straight than that, unless the first one does."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedView:
+    """The view of `page` through `frame`, text lines level.
+
+    It is drawn white outside of the polygons `border` and `paper`, photo pixels, where they are not None. `print_kept`
+    (0-1) is None without text, `flatness` where nothing shows it.
+    """
+
+    page: ShapedPage
+    frame: Frame
+    border: Points | None
+    paper: Points | None
+    flatness: Flatness | None
+    print_kept: float | None
+    notices: tuple[Notice, ...]
+
+    @property
+    def error_percent(self) -> float | None:
+        """Error of the mesh to expect; see `Flatness`."""
+        return None if self.flatness is None else self.flatness.error_percent
+
+
+def best_view(photo: RgbImage, page: ShapedPage, parameters: RectifyParameters) -> JudgedView:
+    """The view of `page`, or that by its next shape where the first is not flat and the second clearly is flatter."""
+    view = judge_view(photo, page, parameters.crop)
+    if view.flatness is None or view.flatness.passes:
+        return view
+    other = next(page.others, None)
+    if other is not None:
+        again = judge_view(photo, other, parameters.crop)
+        if again.flatness is not None and _is_clearly_flatter(again.flatness, view.flatness):
+            view = again
+    if view.flatness is None or view.flatness.passes:
+        return view
+    return replace(view, notices=(*view.notices, not_flat(view.flatness.error_percent)))
+
+
+def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
+    """Whether the second view has a smaller error to expect, and lines that are as straight or straight enough."""
+    straight = max(first.line_straightness or 0.0, STRAIGHT_LINES)
+    smaller = again.error_percent < CLEARLY_FLATTER * first.error_percent
+    return smaller and (again.line_straightness or 0.0) <= straight
+
+
+def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop) -> JudgedView:
+    """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it."""
+    border, boxes = find_border(page, crop), sheet_print(page)
+    frame = frame_shape(page, border, crop)
+    if crop == "sheet":
+        frame = cut_view(photo, frame, page, border)
+    frame = grow_to_print(frame, boxes, page.text_height_px)
+    frame = restore_detail(frame, photo.shape[0] * photo.shape[1], page.characters, page.text_height_px)
+    white = None if border is None else certain_sheet(border)
+    if white is not None and hides_print(white, boxes):
+        border, white = None, None
+    paper = page.outline if crop == "sheet" else None
+    beyond = None if paper is None else paper_in_photo(paper, page.characters)
+    if page.ground is not None and crop == "sheet":
+        beyond = page.ground.outline
+    if beyond is not None and hides_print(beyond, boxes):
+        beyond = None
+    kept = kept_print(frame, boxes, white, beyond)
+    size = (photo.shape[1], photo.shape[0])
+    return JudgedView(
+        page,
+        frame,
+        border,
+        beyond,
+        measure_flatness(page, frame),
+        share_kept(boxes, kept),
+        print_notices(boxes, kept, size, page.text_height_px),
+    )

@@ -1,0 +1,108 @@
+"""A view says how flat it is: right ones expect a small error, bent ones about their own, and are tried again."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from services.arrays import Points
+from services.contract.rectify import RectifyParameters
+from services.geometry.focal_prior import typical_focal_prior
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view.flatness import NOT_FLAT_PERCENT, measure_flatness
+from services.rectify.view.framing import frame_shape
+from services.rectify.view.judged_view import best_view
+from services.sheet.curved_page import estimate_curved_page
+from services.sheet.plane.framing import FlatFrame
+from services.sheet.plane.pose import choose_pose
+from services.sheet.shape import NoShape
+from tests.services.scenes import Album, Shot
+from tests.services.sheet.sheet_sides import outline_of_truth
+
+pytestmark = pytest.mark.pipeline
+
+
+@pytest.fixture(scope="module")
+def album() -> Album:
+    return Album()
+
+
+def as_plane(shot: Shot) -> ShapedPage:
+    prior = typical_focal_prior()
+    shape = choose_pose(shot.evidence, prior, "planar")
+    points = shot.evidence.vanishing_points
+    return ShapedPage(shot.frame, shape, (), None, shot.analysis, points)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BentFrame(FlatFrame):
+    """A view that is wrong on purpose: its lower parts are moved aside, its middle down, by `bend` widths."""
+
+    bend: float = 0.0
+
+    def to_flat(self, photo: Points) -> Points:
+        """See `Frame`."""
+        pixels = FlatFrame.to_flat(self, photo)
+        across, down = pixels[:, 0] / self.width - 0.5, pixels[:, 1] / self.height - 0.5
+        return pixels + self.bend * self.width * np.column_stack([down**2, across**2])
+
+
+@pytest.mark.parametrize("name", ["plain", "columns", "dirty"])
+def test_a_flat_view_expects_little(album: Album, name: str) -> None:
+    page = as_plane(album[name])
+    found = measure_flatness(page, frame_shape(page, None, "sheet"))
+    assert found is not None
+    assert found.passes
+    assert found.error_percent < 0.4
+    assert found.line_straightness is not None
+    assert 0 < found.line_straightness < 0.05
+    assert found.side_bend_percent is None
+
+
+def test_a_bent_view_asks_to_be_moved_by_its_bend(album: Album) -> None:
+    page = as_plane(album["plain"])
+    flat = frame_shape(page, None, "text")
+    assert isinstance(flat, FlatFrame)
+    asked = []
+    for bend in (0.0, 0.08):
+        found = measure_flatness(page, BentFrame(flat.H_photo_flat, flat.width, flat.height, bend))
+        assert found is not None
+        asked.append(found.asked_percent)
+    true = 100 * 0.08 * float(np.hypot(*[np.std(np.linspace(-0.5, 0.5, 99) ** 2)] * 2))
+    assert 0.5 * true < asked[1] < 1.3 * true
+    assert asked[0] < 0.15 * true
+
+
+def test_sides_say_more_than_text(album: Album) -> None:
+    shot = album["plain"]
+    outline = outline_of_truth(shot.truth, 0.3, np.random.default_rng(0))
+    page = replace(as_plane(shot), outline=outline)
+    found = measure_flatness(page, frame_shape(page, None, "sheet"))
+    assert found is not None
+    assert found.side_bend_percent is not None
+    assert found.side_bend_percent < 0.1
+    assert found.right_angle_rad is not None
+    assert found.right_angle_rad < 0.01
+
+
+def test_a_bent_page_that_was_taken_for_a_plane_is_tried_again(album: Album) -> None:
+    shot = album["book"]
+    bent = estimate_curved_page(shot.evidence, typical_focal_prior())
+    assert not isinstance(bent, NoShape)
+    page = as_plane(shot)
+    page = replace(page, others=iter([replace(page, shape=bent)]))
+    wrong = measure_flatness(page, frame_shape(page, None, "sheet"))
+    assert wrong is not None
+    assert wrong.error_percent > NOT_FLAT_PERCENT
+    view = best_view(shot.photo.image, page, RectifyParameters())
+    assert view.page.shape.kind == "curved"
+    assert view.error_percent is not None
+    assert view.error_percent < NOT_FLAT_PERCENT
+    assert "not-flat" not in [notice.code for notice in view.notices]
+
+
+def test_without_another_shape_the_best_is_answered_with_a_warning(album: Album) -> None:
+    shot = album["book"]
+    view = best_view(shot.photo.image, as_plane(shot), RectifyParameters(kind="planar"))
+    assert view.page.shape.kind == "planar"
+    assert [notice.code for notice in view.notices] == ["not-flat"]

@@ -1,0 +1,131 @@
+"""No view ends within print of its sheet, and what the photo cuts is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from services.arrays import Floats, Points
+from services.geometry.focal_prior import typical_focal_prior
+from services.geometry.homographies import transform_points
+from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view.judged_view import judge_view
+from services.rectify.view.print_kept import (
+    grow_to_print,
+    kept_print,
+    print_notices,
+    share_kept,
+    sheet_print,
+)
+from services.sheet.plane.framing import FlatFrame
+from services.sheet.plane.pose import choose_pose
+from tests.services.rectify.view.test_sheet_cut import LEAN, VIEW
+from tests.services.scenes import Album, Shot
+from tests.services.sheet.sheet_sides import outline_of
+
+pytestmark = pytest.mark.pipeline
+
+
+def boxes(*places: tuple[float, float], size: float = 10.0) -> Floats:
+    """Boxes (N, 4, 2) in the photo, whose first corners lie at `places` of the flat view."""
+    square = size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    return np.stack([transform_points(LEAN, square + np.array(place)) for place in places])
+
+
+@pytest.fixture(scope="module")
+def shot() -> Shot:
+    return Album()["plain"]
+
+
+def flat_page(shot: Shot) -> ShapedPage:
+    prior = typical_focal_prior()
+    shape = choose_pose(shot.evidence, prior, "planar")
+    points = shot.evidence.vanishing_points
+    return ShapedPage(shot.frame, shape, (), None, shot.analysis, points)
+
+
+def test_a_frame_grows_on_the_side_where_print_ends_outside() -> None:
+    grown = grow_to_print(VIEW, boxes((400, 500), (830, 600)), 12.0)
+    assert isinstance(grown, FlatFrame)
+    assert 841 <= grown.width <= 855
+    assert grown.height == VIEW.height
+    assert np.allclose(grown.to_photo(np.zeros((1, 2))), VIEW.to_photo(np.zeros((1, 2))))
+    assert kept_print(grown, boxes((400, 500), (830, 600))).all()
+
+
+def test_a_frame_grows_before_its_first_pixel_too() -> None:
+    grown = grow_to_print(VIEW, boxes((400, 500), (-25, 600), (300, -12)), 12.0)
+    assert isinstance(grown, FlatFrame)
+    assert kept_print(grown, boxes((-25, 600), (300, -12))).all()
+    assert 26 <= grown.width - VIEW.width <= 40
+    assert 13 <= grown.height - VIEW.height <= 27
+
+
+def test_a_frame_that_holds_its_print_stays() -> None:
+    assert grow_to_print(VIEW, boxes((0, 0), (780, 1080)), 12.0) is VIEW
+
+
+def test_what_is_far_away_is_no_print_of_the_page() -> None:
+    assert grow_to_print(VIEW, boxes((400, 500), (1200, 600)), 12.0) is VIEW
+
+
+def test_what_is_drawn_white_is_not_kept() -> None:
+    paper = transform_points(LEAN, np.array([[0.0, 0.0], [500.0, 0.0], [500.0, 1100.0], [0.0, 1100.0]]))
+    kept = kept_print(VIEW, boxes((400, 500), (600, 500)), None, paper)
+    assert kept.tolist() == [True, False]
+    assert share_kept(boxes((400, 500), (600, 500)), kept) == 0.5
+    assert share_kept(np.zeros((0, 4, 2)), np.zeros(0, bool)) is None
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_print_at_the_photos_border_is_said_from_a_few_characters_on(count: int) -> None:
+    low = np.array([[0.0, 100.0 + 40 * k] for k in range(count)]) - 0.5
+    cut = low[:, None] + 10 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    notices = print_notices(cut, np.ones(count, bool), (600, 800), 12.0)
+    assert [notice.code for notice in notices] == ["print-cut"] * (count >= 3)
+    assert not print_notices(cut + 5.0, np.ones(count, bool), (600, 800), 12.0)
+
+
+def test_all_print_of_a_page_is_the_sheets(shot: Shot) -> None:
+    found = sheet_print(flat_page(shot))
+    assert len(found) > 0.97 * len(shot.analysis.characters)
+    middles = found.mean(axis=1)
+    assert np.abs(middles - shot.analysis.characters[: len(middles)]).min() < 3
+
+
+def within(points: Points, share: float) -> Points:
+    """Corners (4, 2) of the box of `points` (N, 2) with this share of its width."""
+    (x0, y0), (x1, y1) = points.min(axis=0) - 40, points.max(axis=0) + 40
+    right = x0 + share * (x1 - x0)
+    return np.array([[x0, y0], [right, y0], [right, y1], [x0, y1]])
+
+
+def test_lines_that_go_on_beyond_an_outline_are_kept(shot: Shot) -> None:
+    """As beyond a torn side: the outline is certain, and cuts the ends of lines."""
+    page = flat_page(shot)
+    outline = replace(
+        outline_of(within(page.characters, 0.88), 0.3, np.random.default_rng(0)), confidence=0.99
+    )
+    view = judge_view(shot.photo.image, replace(page, outline=outline), "sheet")
+    assert view.print_kept == 1.0
+    assert view.paper is None
+    assert not view.notices
+
+
+def test_an_outline_of_a_part_of_the_page_leaves_no_print_out(shot: Shot) -> None:
+    page = flat_page(shot)
+    outline = outline_of(within(page.characters, 0.5), 0.3, np.random.default_rng(0))
+    doubtful = replace(page, outline=replace(outline, confidence=0.7))
+    assert len(sheet_print(doubtful)) == len(sheet_print(page))
+
+
+def test_grain_beside_a_certain_sheet_is_no_print(shot: Shot) -> None:
+    """As on concrete: groups of specks beside the sheet, which text identification takes for characters."""
+    page = flat_page(shot)
+    rows = page.characters[:, 1]
+    low, high = rows.min(), np.percentile(rows, 40)
+    x0, x1 = page.characters[:, 0].min() - 40, page.characters[:, 0].max() + 40
+    gap = rows[rows > high].min()
+    corners = np.array([[x0, low - 40], [x1, low - 40], [x1, 0.5 * (high + gap)], [x0, 0.5 * (high + gap)]])
+    outline = replace(outline_of(corners, 0.3, np.random.default_rng(0)), confidence=0.99)
+    assert len(sheet_print(replace(page, outline=outline))) < 0.8 * len(sheet_print(page))
