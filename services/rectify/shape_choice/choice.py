@@ -91,6 +91,8 @@ def rank_shapes(
         return
     best = None if kind == "auto" and _is_flat(found) else _choose_bent(found, forced=kind == "curved")
     yield best or _with_doubt(found)
+    if best is None and found.rigid:
+        return
     if best is not found.smooth and found.smooth is not None:
         yield found.smooth
     if best is not None:
