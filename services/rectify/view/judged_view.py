@@ -5,6 +5,8 @@ A view that is not flat is tried again with the next shape, once.
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from services.arrays import Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
 from services.geometry.page_frame import Frame
@@ -62,10 +64,18 @@ def best_view(photo: RgbImage, page: ShapedPage, parameters: RectifyParameters) 
     if other is not None:
         again = judge_view(photo, other, parameters.crop)
         if again.flatness is not None and _is_clearly_flatter(again.flatness, view.flatness):
-            view = again
+            # A bent sheet was chosen for straighter lines, rules among them, which are not traced again here.
+            unbends = page.shape.kind == "curved" and other.shape.kind == "planar"
+            if not unbends or _is_straighter(again.flatness, view.flatness):
+                view = again
     if view.flatness is None or view.flatness.passes:
         return view
     return replace(view, notices=(*view.notices, not_flat(view.flatness.error_percent)))
+
+
+def _is_straighter(again: Flatness, first: Flatness) -> bool:
+    """Whether the second view has clearly straighter lines."""
+    return (again.line_straightness or np.inf) < CLEARLY_FLATTER * (first.line_straightness or 0.0)
 
 
 def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
