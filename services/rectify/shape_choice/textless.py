@@ -109,4 +109,5 @@ def planar_page(
         sources=(source,),
         sides_believed=source == "outline",
         sheet_aspect=aspect,
+        log_aspect_deviation=uncertain,
     )

@@ -77,4 +77,4 @@ def _enclosed_areas(reduced: ReducedPhoto, p: EvenAreaParameters) -> Iterator[Po
         border = max(contours, key=cv2.contourArea)
         hull = cv2.convexHull(border)
         if cv2.contourArea(border) >= p.convex * cv2.contourArea(hull):
-            yield np.asarray(hull[:, 0], np.float64) + [x0, y0]
+            yield np.asarray(hull[:, 0], np.float64) + np.array([x0, y0])
