@@ -161,8 +161,7 @@ def find_page(
             if is_flat_asked:
                 flat = flat_page(halves, analysis, outline, view, prior, is_document=is_document)
         if flat is not None:
-            others = _if_not_flat(analysis, view, prior, parameters.kind, clock, outline)
-            return replace(flat, others=others)
+            return flat
         page = shape_page(analysis, view, prior, parameters.kind, clock, outline)
         return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
     except NoText as refusal:
@@ -226,18 +225,3 @@ def _other_shapes(page: ShapedPage, ranked: Iterator[PageShape], kind: PageKind)
     for shape in ranked:
         if kind in ("auto", shape.kind):
             yield replace(page, shape=shape, notices=(*kept, *shape.notices))
-
-
-def _if_not_flat(
-    analysis: PageAnalysis,
-    view: PhotoFrame,
-    prior: FocalPrior,
-    kind: PageKind,
-    clock: StageClock,
-    outline: SheetOutline | None,
-) -> Iterator[ShapedPage]:
-    """The page by the shape that its text shows, where the photo itself is not flat enough."""
-    try:
-        yield shape_page(analysis, view, prior, kind, clock, outline)
-    except NoText:
-        return

@@ -71,6 +71,8 @@ class CurvedParameters:
     """RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
     0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
     ones."""
+    hopeless_sides: float = 2.0
+    """Times `max_sides` after any round, from which on no later one helps: of 33 sheets none came below `max_sides`."""
     min_visible: float = 0.97
     """Share of the characters that the surface must place."""
 
@@ -244,7 +246,8 @@ def estimate_curved_page(
             prior, contradicted = typical_focal_prior(), prior.source == "exif"
             fitted, lines = _fit_lines(e, prior, fitted, p, edges)
             drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-        if prior.source == "assumed" and drawn > FOCAL.believable * prior.deviation:
+        hopeless = _sides_hopeless(fitted.surface, edges, p)
+        if not hopeless and prior.source == "assumed" and drawn > FOCAL.believable * prior.deviation:
             prior = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")
             # From where the focal length was not drawn yet: the bends go with it.
             fitted, lines = _fit_lines(e, prior, flat, p, edges)
@@ -310,10 +313,16 @@ def _fit_lines(
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges)
         eased = replace(parameters, side_factor=slack * parameters.side_factor)
         fitted = fit_surface(recentre(fitted, e.characters, p, edges), observed, eased)
-        if implausibility(fitted.surface, e.characters, p) is not None:
+        refused = implausibility(fitted.surface, e.characters, p) is not None
+        if refused or _sides_hopeless(fitted.surface, edges, p):
             break
         parameters = rescale_deviations(parameters, fitted)
     return fitted, lines
+
+
+def _sides_hopeless(surface: DevelopableSurface, edges: SheetEdges, p: CurvedParameters) -> bool:
+    """Whether the sides are left so far from straight ones that no smooth sheet has them."""
+    return len(edges.points) > 0 and measure_sides(surface, edges) > p.hopeless_sides * p.max_sides
 
 
 def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> str | None:

@@ -91,6 +91,8 @@ def rank_shapes(
         return
     best = None if kind == "auto" and _is_flat(found) else _choose_bent(found, forced=kind == "curved")
     yield best or _with_doubt(found)
+    if best is None and found.rigid:
+        return
     if best is not found.smooth and found.smooth is not None:
         yield found.smooth
     if best is not None:
@@ -158,19 +160,24 @@ def _needs_creases(creased: RidgedPage, smooth: CurvedPage, found: Hypotheses) -
     Lines are traced in the views of both: neither was fitted to those of the other. Where the smooth sheet leaves the
     sides bent, the sheet is not smooth, and the better one is right.
     """
-    by_sides = found.sides_of(creased.page_map) / found.sides_of(smooth.page_map)
-    ratios = []
-    for shape in (creased, smooth):
-        lines = found.trace_by_profiles(shape.page_map)
-        ratios.append(
-            measure_straightness(creased.page_map, lines) / measure_straightness(smooth.page_map, lines)
-        )
-    # On the lines that speak against it.
-    by_lines = max((ratio for ratio in ratios if not np.isnan(ratio)), default=1.0)
+    by_sides, gain = found.sides_of(creased.page_map) / found.sides_of(smooth.page_map), 1.0
     if not len(smooth.edges.points):  # the sides are not those of the sheet: they say nothing
-        return bool(by_lines < CURVED_GAIN)
-    smooth_sides = found.sides_of(smooth.page_map) < SMOOTH_SIDES
-    return by_lines < NO_WORSE and by_lines * by_sides < (CREASED_GAIN if smooth_sides else 1.0)
+        by_sides, gain = 1.0, CURVED_GAIN
+    elif found.sides_of(smooth.page_map) < SMOOTH_SIDES:
+        gain = CREASED_GAIN
+    traced = False
+    for shape in (smooth, creased):
+        lines = found.trace_by_profiles(shape.page_map)
+        by_lines = measure_straightness(creased.page_map, lines) / measure_straightness(
+            smooth.page_map, lines
+        )
+        if np.isnan(by_lines):
+            continue
+        traced = True
+        # The lines that speak against it decide: where one view's do, those of the other are not asked.
+        if not (by_lines < NO_WORSE and by_lines * by_sides < gain):
+            return False
+    return traced or by_sides < gain
 
 
 def _straighter(creased: RidgedPage, found: Hypotheses) -> bool:
@@ -191,10 +198,11 @@ def _explains_more(smooth: CurvedPage, found: Hypotheses) -> bool:
     bend = measure_bend(smooth.lines)
     if enough and bend > VISIBLE_BEND and smooth.line_straightness < CURVED_GAIN * bend:
         return True
-    worse = CURVED_GAIN * smooth.line_straightness > max(STRAIGHT, found.plane_straightness)
-    if found.bent_sides and not worse:
-        sides = found.sides_of(smooth.page_map)
-        if sides < FLAT_SIDES and sides < CURVED_GAIN * found.sides_of(found.plane.page_map):
+    sides = found.sides_of(smooth.page_map) if found.bent_sides else np.nan
+    if sides < FLAT_SIDES and sides < CURVED_GAIN * found.sides_of(found.plane.page_map):
+        left = CURVED_GAIN * smooth.line_straightness
+        # The plane's lines are traced only where it matters how straight they are.
+        if not left > STRAIGHT or left <= found.plane_straightness:
             return True
     if not enough or not found.plane_straightness >= STRAIGHT:
         return not found.plane.sides_believed and smooth.deviation < FLOW_GAIN * found.plane.deviation

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.geometry.focal_prior import FocalPrior
+from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.imaging.ground import Ground, find_ground
@@ -26,6 +27,7 @@ from services.sheet.plane.flat_photo import FlatPhoto
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.pose import level_plane
 from services.sheet.tracing.level_rows import shows_print
+from services.sheet.tracing.page_lines import with_rules
 from services.texture_flow.text_identification import detect_ink
 
 
@@ -34,14 +36,14 @@ class FlatParameters:
     """What beats the hypothesis. Perspective and bends are RMS displacements of the print as shares of the width."""
 
     perspective: float = 0.0025
-    """Of 25 pages that an app has cropped, those whose print is sharp enough have up to 0.0022 by their lines, and 9
-    scans up to 0.0002; a camera tilted by 3 degrees over a full page makes 0.003."""
+    """On 25 pages that an app has cropped it moves the print by up to 0.0022, on 9 scans by 0.0002; on photos that are
+    visibly not flat by 0.003 and more."""
+    bend: float = 0.0021
+    """On the same pages, and an old book on a scanner, up to 0.0017; on visibly bent ones 0.0025 and more."""
     deviations: float = 4.0
     """Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
-    bend: float = 0.0013
-    """Cropped and scanned pages have up to 0.0012, pages that are visibly bent 0.0014 and more."""
     clear_flow: float = 3.0
-    """If the directions of the text alone show so many times the least perspective, no line is traced."""
+    """If the directions of the text alone show so many times that, no line is traced."""
     few_lines: int = 3
     """Fewer lines do not show whether the photo is flat; then its ground must, and level print on it."""
     clear_lines: int = 10
@@ -87,13 +89,15 @@ def flat_page(
     if _is_sure(flow, p.clear_flow * p.perspective, p):
         return None
     lines = flatten_text(evidence.text, view, plane).lines
+    # Rules and staff lines bend where few lines of text show it.
+    print_lines = with_rules(lines, evidence.text, view, PlaneMap(plane.H_centred_plane))
     departure = measure_departure(
-        lines, evidence.strokes, evidence.characters, view, skew, analysis.text_height_px
+        print_lines, evidence.strokes, evidence.characters, view, skew, analysis.text_height_px
     )
     if is_beaten(departure, p):
         return None
-    ground = find_ground(photo)
-    shape = _flat_photo(ground, departure.skew_rad, departure.lines, view, prior, p, is_document=is_document)
+    ground, count = find_ground(photo), lines.count // 2
+    shape = _flat_photo(ground, departure.skew_rad, count, view, prior, p, is_document=is_document)
     if not is_document and not _is_print(photo, evidence, shape, ground, p):
         return None
     hugging = outline if outline is not None and _hugs_frame(outline, view, p) else None
@@ -145,9 +149,10 @@ def sheet_in_view(
 def is_beaten(departure: Departure, p: FlatParameters | None = None) -> bool:
     """Whether the print departs from a flat photo's by more than its noise, and visibly."""
     p = p or FlatParameters()
-    seen = [found for found in (departure.by_lines, departure.by_strokes) if found is not None]
-    is_seen_aslant = any(_is_sure(found, p.perspective, p) for found in seen)
-    return is_seen_aslant or (departure.bend is not None and departure.bend > p.bend)
+    aslant, bent = (departure.by_lines, departure.by_strokes), departure.by_bend
+    if any(_is_sure(found, p.perspective, p) for found in aslant if found is not None):
+        return True
+    return bent is not None and _is_sure(bent, p.bend, p)
 
 
 def _is_print(

@@ -31,8 +31,10 @@ ROUNDS = 8
 """Of reweighted least squares."""
 LOSS_SCALE = 2.0
 """Scale of Cauchy's loss in robust deviations of the residuals."""
-STRAY_SHARE = 0.05
-"""Of the points of lines, the farthest from their lines, which are left out of the bend."""
+BEND_TERMS = 5
+"""Of each polynomial of a bend: a page of a book bends within a tenth of its width."""
+BEND_DEVIATION = 0.02
+"""Standard deviation of their coefficients before anything is seen, in halves of the photo's width."""
 FEWEST_POINTS = 8
 """On lines of two points or more; fewer show neither convergence nor a bend."""
 FEWEST_STROKES = 8
@@ -60,16 +62,14 @@ class Measured:
 class Departure:
     """Departure of a photo's print from a flat page without perspective; None for what too little print shows.
 
-    `lines` counts the text lines. `skew_rad` turns the photo's x axis onto them. The others are RMS displacements of
-    the print, as shares of the photo's width, or of that of a narrower page: by the perspective that lines show, by
-    that of strokes, and by a bend.
+    `skew_rad` turns the photo's x axis onto them. The others are RMS displacements of the print, as shares of the
+    photo's width, or of that of a narrower page: by the perspective that lines show, by that of strokes, by a bend.
     """
 
-    lines: int
     skew_rad: float
     by_lines: Measured | None
     by_strokes: Measured | None
-    bend: float | None
+    by_bend: Measured | None
 
 
 def measure_departure(
@@ -93,10 +93,10 @@ def measure_departure(
         crossing = Measured(found.value, blur * found.deviation).scaled(reach)
     used = np.bincount(lines.index)[lines.index] > 1 if len(lines.index) else np.zeros(0, bool)
     if used.sum() < FEWEST_POINTS:
-        return Departure(lines.count // 2, skew_rad, None, crossing, None)
+        return Departure(skew_rad, None, crossing, None)
     turn, along, bend = _line_departure(lines.points[used] @ axes, lines.index[used], lines.deviations[used])
-    bend *= _narrowness(characters @ axes)
-    return Departure(lines.count // 2, skew_rad + turn, along.scaled(reach), crossing, bend)
+    bend = bend.scaled(_narrowness(characters @ axes))
+    return Departure(skew_rad + turn, along.scaled(reach), crossing, bend)
 
 
 def perspective_by_flow(flow: FlowSamples, characters: Points, view: PhotoFrame, skew_rad: float) -> Measured:
@@ -125,31 +125,51 @@ def _axes(view: PhotoFrame, skew_rad: float) -> Floats:
     return np.array([[c, -s], [s, c]]) / (0.5 * view.width / view.unit_px)
 
 
-def _line_departure(at: Points, index: NDArray[np.intp], deviations: Vector) -> tuple[float, Measured, float]:
-    """Slope (rad), convergence and bend of lines through the points `at` (N, 2) in halves of the photo's width.
+def _line_departure(
+    at: Points, index: NDArray[np.intp], deviations: Vector
+) -> tuple[float, Measured, Measured]:
+    """Slope (rad), convergence, and displacement by a bend, from points `at` (N, 2) of lines.
 
-    `index` (N,) is the line of each point. On line k
+    `index` (N,) is the line of each point; all is in halves of the photo's width. On line k
 
-        y = c_k + s x - a x y + (p x^2 + q x^3 + r x^2 y),
+        y = c_k + s x - a x y + f(x) + y g(x),
 
-    the last three terms being those of a bend.
+    with polynomials f and g of no constant and linear terms: those of a bend.
     """
-    x, y = at.T
     weights = 1 / deviations
     share = weights**2 / np.bincount(index, weights**2)[index]
 
-    def from_line(values: Vector) -> Vector:
-        """`values` (N,) less their mean on each line, so that no c_k is left."""
-        return np.asarray(values - np.bincount(index, share * values)[index])
+    def from_line(values: Floats) -> Floats:
+        """`values` (N, P) less their means on each line, so that no c_k is left."""
+        means = [np.bincount(index, share * column)[index] for column in values.T]
+        return np.asarray(values - np.stack(means, axis=1))
 
-    level = from_line(y)
-    straight = np.stack([from_line(x), -from_line(x * y)], axis=1)
-    bent = np.column_stack([straight, *(from_line(term) for term in (x * x, x**3, x * x * y))])
-    (turn, along), spread = _fit(straight, level, weights)
-    rest = [_rms(level - terms @ _fit(terms, level, weights)[0]) for terms in (straight, bent)]
+    x, y = at.T
+    level, straight, bent = from_line(at[:, 1:])[:, 0], np.stack([x, -x * y], axis=1), _bends(at)
+    (turn, along), covariance = _fit(from_line(straight), level, weights)
+    perspective = Measured(float(along), float(np.sqrt(covariance[1, 1])))
+    found, covariance = _fit(from_line(np.column_stack([straight, bent])), level, weights, prior=2)
+    # What an affine map leaves of the bend where lines are. Its noise is taken away.
+    rest = _without_affine(bent, at)
+    noise = float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", rest, covariance[2:, 2:], rest))))
+    size = float(np.sqrt(np.mean((rest @ found[2:]) ** 2)))
     # Halves of the width become shares of it.
-    bend = 0.5 * float(np.sqrt(max(rest[0] ** 2 - rest[1] ** 2, 0.0)))
-    return float(turn), Measured(float(along), float(spread[1])), bend
+    by_bend = Measured(float(np.sqrt(max(size**2 - noise**2, 0.0))), noise).scaled(0.5)
+    return float(turn), perspective, by_bend
+
+
+def _bends(at: Points) -> Floats:
+    """Chebyshev polynomials (N, 2 BEND_TERMS) in x at places (N, 2), alone and times y."""
+    x, y = at.T
+    reach = max(float(np.abs(x).max()), 1e-9)
+    along = np.polynomial.chebyshev.chebvander(x / reach, BEND_TERMS + 1)[:, 2:]
+    return np.column_stack([along, along * y[:, None]])
+
+
+def _without_affine(values: Floats, at: Points) -> Floats:
+    """`values` (N, P) less what an affine function of the places (N, 2) explains."""
+    affine = np.column_stack([np.ones(len(at)), at])
+    return np.asarray(values - affine @ np.linalg.lstsq(affine, values, rcond=None)[0])
 
 
 def _convergence(at: Points, samples: FlowSamples, mean_rad: float, across: int) -> Measured:
@@ -158,25 +178,28 @@ def _convergence(at: Points, samples: FlowSamples, mean_rad: float, across: int)
     Along themselves they may change too, by a bend. Slanted type leans the same all over.
     """
     off = angle_difference(samples.angles, mean_rad)
-    found, spread = _fit(np.column_stack([np.ones(len(at)), at]), off, np.sqrt(samples.weights))
-    return Measured(float(found[1 + across]), float(spread[1 + across]))
+    found, covariance = _fit(np.column_stack([np.ones(len(at)), at]), off, np.sqrt(samples.weights))
+    return Measured(float(found[1 + across]), float(np.sqrt(covariance[1 + across, 1 + across])))
 
 
-def _fit(terms: Floats, values: Vector, weights: Vector) -> tuple[Vector, Vector]:
-    """Coefficients (P,) of `terms` (N, P) for `values` (N,) under Cauchy's loss, and their standard deviations."""
+def _fit(terms: Floats, values: Vector, weights: Vector, prior: int | None = None) -> tuple[Vector, Floats]:
+    """Coefficients (P,) of `terms` (N, P) for `values` (N,) under Cauchy's loss, and their covariance (P, P).
+
+    Those from number `prior` on have a prior of `BEND_DEVIATION`: short lines do not show all of them.
+    """
+    held = np.zeros(terms.shape[1])
+    if prior is not None:
+        held[prior:] = BEND_DEVIATION**-2
     found: Vector = np.zeros(terms.shape[1])
     scale = np.inf
     for _ in range(ROUNDS):
         rest = weights * (values - terms @ found)
-        loss = np.ones(len(rest)) if np.isinf(scale) else np.sqrt(cauchy_weights(rest, LOSS_SCALE * scale))
-        found = np.linalg.lstsq(terms * (weights * loss)[:, None], values * weights * loss, rcond=None)[0]
+        loss = np.ones(len(rest)) if np.isinf(scale) else cauchy_weights(rest, LOSS_SCALE * scale)
+        weighted = terms * (weights**2 * loss)[:, None]
+        unit = 1.0 if np.isinf(scale) else scale**2
+        information = terms.T @ weighted + np.diag(held * unit)
+        found = np.asarray(np.linalg.lstsq(information, weighted.T @ values, rcond=None)[0])
         rest = weights * (values - terms @ found)
         scale = max(1.4826 * median(np.abs(rest)), 1e-9)
-    covariance = np.linalg.pinv((terms * weights[:, None]).T @ (terms * weights[:, None])) * scale**2
-    return np.asarray(found), np.asarray(np.sqrt(np.diag(covariance)))
-
-
-def _rms(rest: Vector) -> float:
-    """RMS of `rest` (N,) without the largest ones."""
-    ordered = np.sort(np.abs(rest))
-    return float(np.sqrt(np.mean(ordered[: max(int((1 - STRAY_SHARE) * len(ordered)), 1)] ** 2)))
+    information = (terms * weights[:, None]).T @ (terms * weights[:, None]) / scale**2 + np.diag(held)
+    return found, np.asarray(np.linalg.pinv(information))

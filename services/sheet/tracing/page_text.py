@@ -1,13 +1,20 @@
 """The text of a page as its photo shows it."""
 
 from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
 
 from services.arrays import Floats, GrayImage, Mask, Points
 from services.geometry.homographies import resizing
 from services.geometry.photo_frame import PhotoFrame
 
+CLOSING = 8.0
+"""Gaps in the text's area that are filled, in text heights: words whose characters were not recognized as such."""
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, eq=False)
 class PageText:
     """Text found in the reduced photo.
 
@@ -24,6 +31,13 @@ class PageText:
     characters: Points
     height_px: float
     positive: GrayImage | None = None
+
+    @cached_property
+    def filled_area(self) -> Mask:
+        """`area` with the words that were not found as text: these lie between others that were."""
+        side = max(round(CLOSING * self.height_px * self.factor), 1) | 1
+        area = cv2.morphologyEx(self.area.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+        return cv2.dilate(area, np.ones((side // 4 | 1, side // 4 | 1), np.uint8)) > 0
 
     def H_reduced_centred(self, view: PhotoFrame) -> Floats:
         """From the centred unit coordinates of `view` to pixels of `gray`."""

@@ -21,6 +21,9 @@ from services.sheet.tracing.baselines import Baselines, find_margins, group_alik
 from services.sheet.tracing.line_tracing import TracingParameters, sampling_maps
 from services.sheet.tracing.page_text import PageText
 
+NO_RIDGE = -1
+"""Before the first ridge of a line."""
+
 
 @dataclass(frozen=True, slots=True)
 class ProfileParameters:
@@ -29,8 +32,6 @@ class ProfileParameters:
     height_px: float = 10.0
     """Text height in the flat view: what is smaller is enlarged, up to `enlargement` times the photo."""
     enlargement: float = 2.0
-    closing: float = 8.0
-    """Gaps in the text's area that are filled: words whose characters were not recognized as such."""
     window: float = 3.0
     """Length of a line that one profile sums up: half a word, so that no single letter decides."""
     step: float = 1.5
@@ -98,12 +99,7 @@ def flatten_darkness(
     scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every model
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
-    # Words that were not found as text lie between others that were.
-    side = max(round(p.closing * text_height * float(H_gray_centred[0, 0])), 1) | 1
-    area = cv2.morphologyEx(
-        text_area.astype(np.uint8) * 255, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8)
-    )
-    area = cv2.dilate(area, np.ones((side // 4 | 1, side // 4 | 1), np.uint8))
+    area = text_area.astype(np.uint8) * 255
     darkness = np.empty((height, width), np.float32)
     for band, at in sampling_maps(page_map, width, height, scale, offset, H_gray_centred):
         flat = take_values(gray, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, 255.0).astype(np.float32)
@@ -176,43 +172,57 @@ def link_ridges(ridges: Ridges, height_px: float, p: ProfileParameters) -> list[
     if not len(window):
         return []
     starts = np.searchsorted(window, np.arange(int(window.max()) + 2))
-    tails: list[list[int]] = []
-    done: list[list[int]] = []
+    before = np.full(len(window), NO_RIDGE)
+    tails = np.zeros(0, np.intp)
+    done: list[NDArray[np.intp]] = []
     for w in range(len(starts) - 1):
         new = np.arange(starts[w], starts[w + 1])
-        keep = [t for t in tails if w - window[t[-1]] <= p.gap]
-        done += [t for t in tails if w - window[t[-1]] > p.gap]
+        lost = w - window[tails] > p.gap
+        done.append(tails[lost])
+        tails = tails[~lost]
         free = np.ones(len(new), bool)
-        if keep and len(new):
-            last = np.array([y[t[-1]] for t in keep])
-            ago = np.array([w - window[t[-1]] for t in keep])
-            led = last + np.array([_lead(t, window, y, w) for t in keep])
+        if len(tails) and len(new):
+            ago = w - window[tails]
+            led = y[tails] + _slopes(tails, before, window, y) * ago
             apart = np.abs(y[new][None] - led[:, None])
-            moved = np.abs(y[new][None] - last[:, None])
+            moved = np.abs(y[new][None] - y[tails][:, None])
             fits = (apart < p.bend * height_px) & (moved < p.drift * height_px * ago[:, None])
             cost = np.where(fits, apart + 0.1 * height_px * ago[:, None], np.inf)
-            for a in np.argsort(cost.min(axis=1)):
-                b = int(np.argmin(cost[a]))
-                if np.isfinite(cost[a, b]) and int(np.argmin(cost[:, b])) == a:
-                    keep[a].append(int(new[b]))
-                    free[b] = False
-        tails = keep + [[int(k)] for k in new[free]]
-    return [np.array(t) for t in done + tails if len(t) >= p.min_windows]
+            match = cost.argmin(axis=1)
+            mutual = np.isfinite(cost.min(axis=1)) & (cost.argmin(axis=0)[match] == np.arange(len(tails)))
+            linked = new[match[mutual]]
+            before[linked] = tails[mutual]
+            tails[mutual] = linked
+            free[match[mutual]] = False
+        tails = np.concatenate([tails, new[free]])
+    lines = (_members(int(tail), before) for tail in np.concatenate([*done, tails]))
+    return [members for members in lines if len(members) >= p.min_windows]
 
 
-def _lead(members: list[int], window: NDArray[np.intp], y: Vector, w: int) -> float:
-    """How far a line goes down from its last ridge to window `w`, by its last few ridges."""
-    recent = members[-4:]
-    if len(recent) < 3:
-        return 0.0
-    a, b = recent[0], recent[-1]
-    return float((y[b] - y[a]) / max(window[b] - window[a], 1) * (w - window[b]))
+def _slopes(tails: NDArray[np.intp], before: NDArray[np.intp], window: NDArray[np.intp], y: Vector) -> Vector:
+    """How far lines go down from one window to the next by their last few ridges, whose last ones are `tails` (N,)."""
+    second = before[tails]
+    third = np.where(second >= 0, before[second], NO_RIDGE)
+    fourth = np.where(third >= 0, before[third], NO_RIDGE)
+    first = np.where(fourth >= 0, fourth, third)
+    slopes = (y[tails] - y[first]) / np.maximum(window[tails] - window[first], 1)
+    return np.where(third >= 0, slopes, 0.0)
+
+
+def _members(tail: int, before: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The ridges of the line that ends with `tail`, from left to right."""
+    members = [tail]
+    while (tail := int(before[tail])) != NO_RIDGE:
+        members.append(tail)
+    return np.array(members[::-1], np.intp)
 
 
 def trace_by_profiles(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
     """The page's text lines, traced by profiles in the flat view of `page_map`, in centred coordinates."""
     characters, height = view.to_centred(text.characters), text.height_px / view.unit_px
-    flat = flatten_darkness(text.gray, text.area, text.H_reduced_centred(view), page_map, characters, height)
+    flat = flatten_darkness(
+        text.gray, text.filled_area, text.H_reduced_centred(view), page_map, characters, height
+    )
     return NO_LINES if flat is None else trace_profiles(flat, page_map)
 
 

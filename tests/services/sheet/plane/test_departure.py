@@ -59,9 +59,8 @@ def test_perspective_is_found_again(skew_rad: float) -> None:
     assert found.by_lines.value == pytest.approx(a * REACH, rel=0.1)
     assert found.by_strokes.value == pytest.approx(b * REACH, abs=1e-6)
     # To first order: what is left of the homography is of the second.
-    assert found.bend is not None
-    assert found.bend < a * a + b * b
-    assert found.lines == 10
+    assert found.by_bend is not None
+    assert found.by_bend.value < a * a + b * b
 
 
 @pytest.mark.parametrize("share", [0.5, 0.25])
@@ -88,12 +87,17 @@ def test_a_turn_is_no_departure() -> None:
 def test_a_bow_is_a_bend_and_no_perspective() -> None:
     bow = 0.02
     found = measure(seen_lines(0.0, 0.0, bow, 0.0))
-    x = np.linspace(-0.8, 0.8, 12) ** 2
     assert found.by_lines is not None
-    assert found.bend is not None
+    assert found.by_bend is not None
     assert abs(found.by_lines.value) < 1e-9
-    # RMS of the bow about its mean, halves of the width to shares of it; the farthest points are left out.
-    assert 0.8 * 0.5 * bow * np.std(x) < found.bend < 0.5 * bow * np.std(x)
+    # RMS of the bow about its mean at the characters, halves of the width to shares of it.
+    assert found.by_bend.value == pytest.approx(0.5 * bow * np.std(GRID[:, 0] ** 2), rel=1e-3)
+
+
+def test_noise_is_no_bend() -> None:
+    found = measure(seen_lines(0.0, 0.0, 0.0, 0.003))
+    assert found.by_bend is not None
+    assert found.by_bend.value < 2 * found.by_bend.deviation
 
 
 def test_deviations_are_those_of_the_noise() -> None:
@@ -120,12 +124,7 @@ def test_few_observations_say_nothing() -> None:
     none = LineObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0), [], [], [], 0.02)
     few = FlowSamples(np.zeros((3, 2)), np.zeros(3), np.ones(3))
     found = measure(none, few, 0.1)
-    assert (found.lines, found.by_lines, found.by_strokes, found.bend) == (
-        0,
-        None,
-        None,
-        None,
-    )
+    assert (found.by_lines, found.by_strokes, found.by_bend) == (None, None, None)
     assert found.skew_rad == 0.1
 
 
