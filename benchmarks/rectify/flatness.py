@@ -31,7 +31,7 @@ from services.rectify.pipeline import find_page
 from services.rectify.shape_choice.hypotheses import Hypotheses
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.flatness import FLOOR_PERCENT, GAIN, NOT_FLAT_PERCENT
+from services.rectify.view.flatness import FLOOR_PERCENT, GAIN
 from services.rectify.view.judged_view import judge_view
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.shape import PageShape
@@ -70,6 +70,7 @@ class JudgedHypothesis:
     true: float
     asked: float
     expected: float
+    warned: bool
 
 
 def simulate_scene(number: int, pages: Sequence[Page]) -> tuple[str, SimulatedPhoto]:
@@ -123,7 +124,8 @@ def judge_scene(number: int, pages: Sequence[Page]) -> tuple[str, list[JudgedHyp
         true = mesh_residual_percent(mesh, view.frame.width, view.frame.height, photo.truth)
         if view.flatness is not None and np.isfinite(true):
             asked, expected = view.flatness.asked_percent, view.flatness.error_percent
-            found.setdefault(round(true, 6), JudgedHypothesis(number, shape, true, asked, expected))
+            judged = JudgedHypothesis(number, shape, true, asked, expected, not view.flatness.passes)
+            found.setdefault(round(true, 6), judged)
     return name, list(found.values())
 
 
@@ -142,7 +144,7 @@ def fit_calibration(asked: Vector, true: Vector) -> tuple[float, float]:
 def describe(name: str, views: Sequence[JudgedHypothesis]) -> str:
     """Shares of wrong views that are warned of and of right ones that are, and how well the errors agree."""
     true, expected = (np.array([getattr(view, part) for view in views]) for part in ("true", "expected"))
-    warned, wrong, right = expected > NOT_FLAT_PERCENT, true > WRONG_PERCENT, true < RIGHT_PERCENT
+    warned, wrong, right = np.array([v.warned for v in views]), true > WRONG_PERCENT, true < RIGHT_PERCENT
     ratio = np.log(expected / np.maximum(true, 0.02))
     low, middle, high = np.exp(np.percentile(ratio, [16, 50, 84]))
     return (
@@ -173,8 +175,8 @@ def main(arguments: Sequence[str]) -> int:
         told = "  ".join(f"{view.name} {view.true:.2f} ({view.expected:.2f})" for view in found)
         print(f"{name}: {told}", flush=True)
         for view in found:
-            warned = view.expected > NOT_FLAT_PERCENT
-            wrongly = warned if view.true < RIGHT_PERCENT else view.true > WRONG_PERCENT and not warned
+            missed = view.true > WRONG_PERCENT and not view.warned
+            wrongly = missed or (view.true < RIGHT_PERCENT and view.warned)
             ratio = abs(np.log(view.expected / max(view.true, 0.02)))
             figures[f"{name} {view.name}"] = {"log_ratio": float(ratio), "wrongly_judged": float(wrongly)}
     fitted, held_out = ([view for view in views if view.scene % 2 == odd] for odd in (0, 1))

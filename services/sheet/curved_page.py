@@ -101,6 +101,7 @@ class CurvedPage:
     kind: ClassVar[Literal["curved"]] = "curved"
     sides_believed: ClassVar[bool] = False
     sheet_aspect: ClassVar[None] = None
+    log_aspect_deviation: ClassVar[float] = 0.0
     ends_at_sides: ClassVar[bool] = False
 
     @property

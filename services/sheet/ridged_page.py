@@ -89,6 +89,7 @@ class RidgedPage:
     notices: ClassVar[tuple[Notice, ...]] = ()
     sides_believed: ClassVar[bool] = True
     sheet_aspect: ClassVar[None] = None
+    log_aspect_deviation: ClassVar[float] = 0.0
     ends_at_sides: ClassVar[bool] = True
 
     @property

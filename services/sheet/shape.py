@@ -70,6 +70,10 @@ class PageShape(Protocol):
         """How well the sheet's aspect is known; None where that is not computed."""
 
     @property
+    def log_aspect_deviation(self) -> float:
+        """Standard deviation of the logarithm of the flat view's aspect; 0 where that is not computed."""
+
+    @property
     def ends_at_sides(self) -> bool:
         """Whether the flat page is the whole sheet, and ends at its sides."""
 

@@ -13,6 +13,7 @@ from services.imaging.ground import even_share
 from services.notices import Notice
 from services.rectify.shape_choice.even_rim import has_even_rim
 from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.sheet.outline.even_area import find_even_area
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import (
     OutlinePlane,
@@ -74,6 +75,16 @@ def find_textless_page(
     if bent is not None and bent.plane is not None:
         flat = replace(planar_page(bent.plane, prior, "outline"), sides_believed=False)
         return ShapedPage(bent.view, flat, (NOT_FLAT, *flat.notices), outline)
+    board = find_even_area(photo)
+    on_board = read_sides(board, view, prior)
+    if (
+        board is not None
+        and on_board is not None
+        and on_board.plane is not None
+        and has_even_rim(photo, board.polygon)
+    ):
+        flat = planar_page(on_board.plane, prior, "outline", on_board)
+        return ShapedPage(on_board.view, flat, flat.notices, board)
     if sheet is not None:
         raise NoText(f"{refusal.detail} A sheet's edge is seen, but {sheet.refusal}.")
     raise NoText(
@@ -98,4 +109,5 @@ def planar_page(
         sources=(source,),
         sides_believed=source == "outline",
         sheet_aspect=aspect,
+        log_aspect_deviation=uncertain,
     )

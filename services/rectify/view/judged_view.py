@@ -70,7 +70,7 @@ def best_view(photo: RgbImage, page: ShapedPage, parameters: RectifyParameters) 
                 view = again
     if view.flatness is None or view.flatness.passes:
         return view
-    return replace(view, notices=(*view.notices, not_flat(view.flatness.error_percent)))
+    return replace(view, notices=(*view.notices, not_flat(view.flatness.shown_percent)))
 
 
 def _is_straighter(again: Flatness, first: Flatness) -> bool:
@@ -81,7 +81,7 @@ def _is_straighter(again: Flatness, first: Flatness) -> bool:
 def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
     """Whether the second view has a smaller error to expect, and lines that are as straight or straight enough."""
     straight = max(first.line_straightness or 0.0, STRAIGHT_LINES)
-    smaller = again.error_percent < CLEARLY_FLATTER * first.error_percent
+    smaller = again.shown_percent < CLEARLY_FLATTER * first.shown_percent
     return smaller and (again.line_straightness or 0.0) <= straight
 
 

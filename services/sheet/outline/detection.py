@@ -102,7 +102,7 @@ def find_outline(
     medium = medium_photo(halves)
     best: SheetOutline | None = None
     for candidate in sought:
-        outline = _measure(halves.image, reduced, medium, candidate, p)
+        outline = measure_candidate(halves.image, reduced, medium, candidate, p)
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline
         if best is not None and best.confidence >= p.certain:
@@ -112,17 +112,18 @@ def find_outline(
     return end_before_cut_corners(best)
 
 
-def _measure(
+def measure_candidate(
     photo: RgbImage,
     reduced: ReducedPhoto,
     medium: tuple[RgbImage, float],
     candidate: Candidate,
-    p: OutlineParameters,
+    parameters: OutlineParameters | None = None,
 ) -> SheetOutline | None:
     """The outline near a candidate, measured in the photo; None when it has no four sides.
 
     `medium` is the photo and its factor at which edges are followed before they are measured.
     """
+    p = parameters or OutlineParameters()
     half, f = medium
     start = (reduced.to_photo(candidate.curve) + 0.5) * f - 0.5
     window = reduced.window_of(half.shape, f)

@@ -44,10 +44,11 @@ class ScoringParameters:
     """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
 
-def rate_curve(reduced: ReducedPhoto, characters: Points, curve: Points) -> float:
+def rate_curve(reduced: ReducedPhoto, characters: Points, curve: Points, least_share: float = 0.0) -> float:
     """Rating of a curve (N, 2) on the reduced photo; curves of one photo are compared by it.
 
-    `characters` (N, 2) are the sheet's, on the reduced photo.
+    `characters` (N, 2) are the sheet's, on the reduced photo. A curve is rated as if it held `least_share` of the photo
+    at least.
     """
     p = ScoringParameters()
     points = smooth_closed(resample_closed(curve, 200), 3)
@@ -70,7 +71,8 @@ def rate_curve(reduced: ReducedPhoto, characters: Points, curve: Points) -> floa
     area = float(cv2.contourArea(flat))
     hull = max(float(cv2.contourArea(cv2.convexHull(flat))), 1e-9)
     rating -= p.concavity * max(1 - area / hull - p.creased, 0.0)
-    rating += p.area * float(np.log(max(area, 1.0) / ((x1 - x0) * (y1 - y0))))
+    whole = float((x1 - x0) * (y1 - y0))
+    rating += p.area * float(np.log(max(area, least_share * whole, 1.0) / whole))
     if len(characters):
         some = characters[:: max(len(characters) // 100, 1)]
         lost = 1.0 - float(_inside(points, some).mean())

@@ -38,6 +38,10 @@ BEND_DEVIATION = 0.02
 FEWEST_POINTS = 8
 """On lines of two points or more; fewer show neither convergence nor a bend."""
 FEWEST_STROKES = 8
+NARROW = 0.6
+"""Of the photo's width: print that takes less is part of a page that is narrower too, ..."""
+ENDS = (5.0, 95.0)
+"""... between these percentiles of its characters."""
 SHARP_TEXT_HEIGHT_PX = 22.0
 """Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
 
@@ -58,8 +62,8 @@ class Measured:
 class Departure:
     """Departure of a photo's print from a flat page without perspective; None for what too little print shows.
 
-    `skew_rad` turns the photo's x axis onto them. The others are RMS displacements of
-    the print, as shares of the photo's width: by the perspective that lines show, by that of strokes, by a bend.
+    `skew_rad` turns the photo's x axis onto them. The others are RMS displacements of the print, as shares of the
+    photo's width, or of that of a narrower page: by the perspective that lines show, by that of strokes, by a bend.
     """
 
     skew_rad: float
@@ -91,6 +95,7 @@ def measure_departure(
     if used.sum() < FEWEST_POINTS:
         return Departure(skew_rad, None, crossing, None)
     turn, along, bend = _line_departure(lines.points[used] @ axes, lines.index[used], lines.deviations[used])
+    bend = bend.scaled(_narrowness(characters @ axes))
     return Departure(skew_rad + turn, along.scaled(reach), crossing, bend)
 
 
@@ -101,10 +106,17 @@ def perspective_by_flow(flow: FlowSamples, characters: Points, view: PhotoFrame,
 
 
 def _reach(characters: Points, view: PhotoFrame, skew_rad: float) -> float:
-    """RMS displacement of the `characters` (N, 2), as a share of the photo's width, for a convergence of 1."""
-    x, y = ((characters - characters.mean(axis=0)) @ _axes(view, skew_rad)).T
+    """RMS displacement of the `characters` (N, 2), as a share of the page's width, for a convergence of 1."""
+    at = characters @ _axes(view, skew_rad)
+    x, y = (at - at.mean(axis=0)).T
     # Halves of the width become shares of it.
-    return 0.5 * float(np.sqrt(np.mean((x * y) ** 2)))
+    return 0.5 * float(np.sqrt(np.mean((x * y) ** 2))) * _narrowness(at)
+
+
+def _narrowness(at: Points) -> float:
+    """Width of the photo over that of the page, by its characters `at` (N, 2) in halves of the photo's width."""
+    first, last = np.percentile(at[:, 0], ENDS)
+    return max(1.0, 2 * NARROW / max(float(last - first), 1e-6))
 
 
 def _axes(view: PhotoFrame, skew_rad: float) -> Floats:

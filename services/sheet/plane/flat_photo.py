@@ -40,6 +40,7 @@ class FlatPhoto:
     log_focal_deviation: ClassVar[float] = float("inf")
     sides_believed: ClassVar[bool] = False
     sheet_aspect: ClassVar[SheetAspect | None] = None
+    log_aspect_deviation: ClassVar[float] = 0.0
 
     @property
     def ends_at_sides(self) -> bool:

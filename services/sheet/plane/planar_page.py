@@ -39,6 +39,7 @@ class PlanarPage:
     lines: LineObservations | None = None
     """The text lines, as they were traced in the plane's view; None if its text was not looked at in that."""
     sheet_aspect: SheetAspect | None = None
+    log_aspect_deviation: float = 0.0
     kind: ClassVar[Literal["planar"]] = "planar"
     ends_at_sides: ClassVar[bool] = False
 

@@ -284,6 +284,7 @@ def choose_pose(
         tension,
         flat.lines if plane is refined.plane else None,
         aspect,
+        0.0 if plane is level else uncertain,
     )
 
 

@@ -14,8 +14,10 @@ from services.rectify.view.framing import frame_shape
 from services.rectify.view.judged_view import best_view
 from services.sheet.curved_page import estimate_curved_page
 from services.sheet.plane.framing import FlatFrame
+from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import choose_pose
 from services.sheet.shape import NoShape
+from services.sheet.sheet_edges import read_edges
 from tests.services.scenes import Album, Shot
 from tests.services.sheet.sheet_sides import outline_of_truth
 
@@ -83,6 +85,48 @@ def test_sides_say_more_than_text(album: Album) -> None:
     assert found.side_bend_percent < 0.1
     assert found.right_angle_rad is not None
     assert found.right_angle_rad < 0.01
+
+
+def test_uncertain_proportions_are_part_of_the_error_but_no_warning(album: Album) -> None:
+    page = as_plane(album["plain"])
+    assert isinstance(page.shape, PlanarPage)
+    frame = frame_shape(page, None, "sheet")
+    stretched = replace(page, shape=replace(page.shape, log_aspect_deviation=0.1))
+    found = measure_flatness(stretched, frame)
+    assert found is not None
+    assert found.passes
+    # Of a grid that is stretched by e^0.1, less the best similarity.
+    x, y = (
+        axis.ravel()
+        for axis in np.meshgrid(np.linspace(0, frame.width, 50), np.linspace(0, frame.height, 50))
+    )
+    z = (x - x.mean()) + 1j * (y - y.mean())
+    moved = 1.1 * z.real + 1j * z.imag
+    rest = moved - z * (np.conj(z) @ moved) / np.sum(np.abs(z) ** 2)
+    assert found.proportions_percent == pytest.approx(
+        100 * np.sqrt(np.mean(np.abs(rest) ** 2)) / frame.width, rel=0.05
+    )
+    assert found.error_percent == pytest.approx(np.hypot(found.shown_percent, found.proportions_percent))
+
+
+@pytest.mark.parametrize(("fitted", "least", "most"), [(False, 0.3, 2.0), (True, 0.0, 0.25)])
+def test_one_side_that_a_smooth_sheet_was_not_fitted_to_asks_for_little(
+    album: Album, fitted: bool, least: float, most: float
+) -> None:
+    shot = album["plain"]
+    outline = outline_of_truth(shot.truth, 0.3, np.random.default_rng(0))
+    left = outline.sides[3]
+    along = np.linspace(-1, 1, len(left.points))[:, None]
+    strayed = replace(left, points=left.points + np.array([0.03 * shot.frame.width, 0.0]) * along**2)
+    outline = replace(outline, sides=(*outline.sides[:3], strayed))
+    page = replace(as_plane(shot), outline=outline)
+    if fitted:
+        bent = estimate_curved_page(shot.evidence, typical_focal_prior())
+        assert not isinstance(bent, NoShape)
+        page = replace(page, shape=replace(bent, edges=read_edges(outline, shot.frame, 0.0)))
+    found = measure_flatness(page, frame_shape(page, None, "sheet"))
+    assert found is not None
+    assert least <= found.asked_percent < most
 
 
 def test_a_bent_page_that_was_taken_for_a_plane_is_tried_again(album: Album) -> None:

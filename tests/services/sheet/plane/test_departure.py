@@ -5,7 +5,7 @@ import pytest
 
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import LineObservations
-from services.sheet.plane.departure import Departure, measure_departure, perspective_by_flow
+from services.sheet.plane.departure import NARROW, Departure, measure_departure, perspective_by_flow
 from services.texture_flow.field import FlowSamples
 
 VIEW = PhotoFrame(1000, 1400)
@@ -61,6 +61,19 @@ def test_perspective_is_found_again(skew_rad: float) -> None:
     # To first order: what is left of the homography is of the second.
     assert found.by_bend is not None
     assert found.by_bend.value < a * a + b * b
+
+
+@pytest.mark.parametrize("share", [0.5, 0.25])
+def test_print_on_a_narrow_page_is_measured_by_the_page(share: float) -> None:
+    flow = seen_lines(0.02, -0.03, 0.0, 0.0)
+    shares = []
+    for size in (1.0, share):
+        found = measure_departure(flow, None, turned(size * GRID, 0.0), VIEW, 0.0, 30.0)
+        assert found.by_lines is not None
+        shares.append(found.by_lines.value)
+    # Displacements go with the square of the print's size, and the page's width with the size itself.
+    width = 0.5 * float(np.ptp(size * GRID[:, 0]))
+    assert shares[1] / shares[0] == pytest.approx(size**2 * NARROW / width, rel=0.01)
 
 
 def test_a_turn_is_no_departure() -> None:
