@@ -44,6 +44,8 @@ class SheetCutParameters:
     blank_margin: float = 0.12
     """Of the text's larger size, kept beyond the print where the sheet's edge is not seen: margins of pages are as
     wide."""
+    close_sides: int = 2
+    """Sides on which print, or the sheet, ends near the photo's frame, from which on the page alone is in view."""
     ink_size: float = 1.5
     """Text heights: what is wider is shadow or ground."""
     least_ink_size_px: int = 7
@@ -122,9 +124,11 @@ def cut_to_page(
     open_sides = [side for side in SIDES if side not in known and getattr(edges, side) is None]
     if open_sides and not whole:
         blank = blank_ground(view, shown, text, text_height_px, p)
-        # Paper that goes on to the photo's frame is the sheet's, blank or not.
         cut = [side for side in open_sides if getattr(blank, side) is not None]
-        paper = sides_reached(view, shown) if cut else frozenset()
+        # Paper that goes on to the photo's frame is the sheet's, blank or not; with blank ground on all sides, it is a
+        # table as white as the sheet.
+        close = len(SIDES) - len(cut) >= p.close_sides
+        paper = sides_reached(view, shown) if cut and close else frozenset()
         edges = replace(edges, **{side: getattr(blank, side) for side in cut if side not in paper})
     return crop_frame(frame, edges, factor)
 

@@ -167,33 +167,42 @@ def test_without_text_nothing_is_blank() -> None:
     assert set(blank_around(image, np.full((5, 2), np.nan)).values()) == {None}
 
 
-def test_paper_is_shown_up_to_the_frame_and_cut_beside_the_print_where_something_else_begins() -> None:
+def on_white(top: int, bottom: int, left: int, right: int) -> tuple[RgbImage, Points, Points]:
+    """A printed page with white round it, and the first and the last pixel (2,) of its print."""
     page = own_pages(400, 625)[0].image
-    print_y, print_x = np.nonzero(page[..., 0] < 128 if page.ndim == 3 else page < 128)
-    gray = cv2.copyMakeBorder(page, 350, 300, 250, 400, cv2.BORDER_CONSTANT, value=(255, 255, 255))
-    photo = gray if gray.ndim == 3 else cv2.cvtColor(gray, cv2.COLOR_GRAY2RGB)
-    photo = np.array(photo, np.uint8)
-    analysis = analyse_photo(photo)
+    y, x = np.nonzero(page < 128)
+    gray = cv2.copyMakeBorder(page, top, bottom, left, right, cv2.BORDER_CONSTANT, value=255)
+    shift = np.array([left, top], np.float64)
+    low, high = np.array([x.min(), y.min()]) + shift, np.array([x.max(), y.max()]) + shift
+    return np.array(cv2.cvtColor(gray, cv2.COLOR_GRAY2RGB), np.uint8), low, high
+
+
+def cut_blank(photo: RgbImage, known: frozenset[str] = frozenset()) -> Points:
+    """Corners (2, 2) of the view in the photo, which is flat already: its first and its last pixel."""
     frame = FlatFrame(np.eye(3), photo.shape[1], photo.shape[0])
-    whole = cut_to_page(photo, frame, analysis, frozenset(), whole=False)
-    assert (whole.width, whole.height) == (frame.width, frame.height)
-    # Something gray round the page, of which no edge is one of a sheet.
-    y, x = np.indices(photo.shape[:2])
-    near = np.minimum(np.minimum(x, photo.shape[1] - 1 - x), np.minimum(y, photo.shape[0] - 1 - y))
-    reach = 110 + 30 * np.sin(x / 40) * np.sin(y / 40)
-    photo[near < reach] = 130
-    cut = cut_to_page(photo, frame, analysis, frozenset(), whole=False)
-    low = cut.to_photo(np.zeros((1, 2)))[0]
-    high = cut.to_photo(np.array([[cut.width - 1.0, cut.height - 1.0]]))[0]
-    first = np.array([print_x.min() + 250, print_y.min() + 350])
-    last = np.array([print_x.max() + 250, print_y.max() + 350])
+    cut = cut_to_page(photo, frame, analyse_photo(photo), known, whole=False)
+    return cut.to_photo(np.array([[0.0, 0.0], [cut.width - 1.0, cut.height - 1.0]]))
+
+
+def test_on_a_table_as_white_as_the_sheet_the_view_ends_beside_the_print() -> None:
+    photo, first, last = on_white(350, 300, 250, 400)
     margin = 0.12 * float((last - first).max())
-    assert low[1] == pytest.approx(first[1] - margin, abs=15)
+    low, high = cut_blank(photo)
+    assert low == pytest.approx(first - margin, abs=15)
     assert high == pytest.approx(last + margin, abs=15)
     # Sides that are known already stay where they are.
-    half = cut_to_page(photo, frame, analysis, frozenset({"left", "top"}), whole=False)
-    assert half.to_photo(np.zeros((1, 2)))[0] == pytest.approx([0.0, 0.0])
-    assert half.width == pytest.approx(high[0] + 1, abs=2)
+    assert cut_blank(photo, frozenset({"left", "top"}))[0] == pytest.approx([0.0, 0.0])
+
+
+def test_a_page_that_is_blank_below_its_print_is_shown_whole() -> None:
+    photo, _, last = on_white(0, 600, 0, 0)
+    low, high = cut_blank(photo)
+    assert low == pytest.approx([0.0, 0.0])
+    assert high == pytest.approx([photo.shape[1] - 1, photo.shape[0] - 1])
+    # Below something else than paper begins, along no straight edge.
+    y, x = np.indices(photo.shape[:2])
+    photo[y > photo.shape[0] - 150 - 30 * np.sin(x / 40)] = 130
+    assert last[1] < cut_blank(photo)[1, 1] < photo.shape[0] - 300
 
 
 @pytest.mark.parametrize("name", ["dirty", "columns", "picture"])
