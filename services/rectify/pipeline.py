@@ -23,7 +23,7 @@ from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.results import Orientation, RectifyResult
 from services.rectify.shape_choice.choice import rank_shapes
-from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page
+from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page, may_be_flat
 from services.rectify.shape_choice.principal_point import find_principal_point
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import refusal_of_text
@@ -145,7 +145,7 @@ def find_page(
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = requested_prior(view, parameters, exif_focal_length_px)
     outline, sought, halves = None, False, Halves(photo)
-    is_flat_asked = parameters.kind != "curved" and parameters.region is None
+    is_flat_asked = may_be_flat(parameters)
     try:
         analysis = analyse_photo(halves, parameters.region, clock=clock)
         release_freed_memory()

@@ -31,7 +31,12 @@ from services.rectify.analysis.print_sample import print_heights
 from services.rectify.page_description import describe_page
 from services.rectify.pipeline import FACING_PAGE
 from services.rectify.results import Orientation, PrintSample, RectifyResult
-from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page, sheet_in_view
+from services.rectify.shape_choice.flat_hypothesis import (
+    blank_flat_page,
+    flat_page,
+    may_be_flat,
+    sheet_in_view,
+)
 from services.rectify.shape_choice.quick_bend import bend_quickly
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import planar_page
@@ -156,11 +161,10 @@ def preview_page(
             height_px = None if text is None else text.text_height_px
             outline = find_outline(halves, characters, height_px, p.outline)
     page: ShapedPage | None
-    is_flat_asked = parameters.kind != "curved" and parameters.region is None
     with clock.stage("shape"):
         in_view = sheet_in_view(outline, view, is_document=is_document)
         page = _sheet_between_sides(outline, view, prior, text, parameters, p) if in_view else None
-        if page is None and text is None and is_flat_asked:
+        if page is None and text is None and may_be_flat(parameters):
             page = blank_flat_page(halves, outline, view, prior, is_document=is_document)
     if page is None:
         if text is None:
@@ -279,9 +283,8 @@ def _page_of_text(
         # The outline of an opened book is not that of a single page.
         seen, outline = (FACING_PAGE,), None
     with clock.stage("shape"):
-        is_flat_asked = parameters.kind != "curved" and parameters.region is None
         flat = None
-        if is_flat_asked:
+        if may_be_flat(parameters):
             flat = flat_page(photo, analysis, outline, view, prior, is_document=is_document)
         if flat is not None:
             return flat

@@ -6,18 +6,16 @@ import numpy as np
 from services.arrays import Mask
 from services.geometry.homographies import to_resized
 from services.rectify.analysis.page_analysis import PageAnalysis
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import CERTAIN_CONFIDENCE, SheetOutline
 from services.sheet.tracing.level_rows import shows_print
 
-CERTAIN_SHEET = 0.95
-"""Confidence from which on 99 % of the outlines are right."""
 MOST_BESIDE = 0.03
 """Share of the characters beside the sheet up to which they are specks, which disturb nothing."""
 
 
 def is_texture_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> bool:
     """Whether part of the text of `analysis` is texture beside the certain sheet within `outline`."""
-    if outline is None or outline.confidence < CERTAIN_SHEET:
+    if outline is None or outline.confidence < CERTAIN_CONFIDENCE:
         return False
     inside = outline.holds(analysis.characters)
     if inside.mean() >= 1 - MOST_BESIDE:

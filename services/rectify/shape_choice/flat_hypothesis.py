@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
@@ -60,6 +61,11 @@ class FlatParameters:
     """... or, on a page of a PDF, along its axes (slope): such sides are those of a picture."""
     analysed_px: int = 1600
     """Long side of the copy in which print is sought."""
+
+
+def may_be_flat(parameters: RectifyParameters) -> bool:
+    """Whether the photo itself may be the page: neither a bent page nor a part of the photo is asked for."""
+    return parameters.kind != "curved" and parameters.region is None
 
 
 def flat_page(

@@ -13,7 +13,7 @@ from services.sheet.curved_page import CurvedPage, estimate_curved_page, fit_flo
 from services.sheet.developable.fitting import FittedSurface
 from services.sheet.developable.observations import NO_EDGES, LineObservations, SheetEdges
 from services.sheet.evidence import PageEvidence
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import CERTAIN_CONFIDENCE, SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import EDGES_BELIEVED, PoseParameters, choose_pose
@@ -26,8 +26,6 @@ from services.sheet.tracing.profile_tracing import trace_by_profiles
 
 FEW_LINES = 10
 """Fewer lines show little of a page's shape."""
-CERTAIN_OUTLINE = 0.95
-"""Confidence from which on 99 % of the outlines are right."""
 STRAIGHT_SIDE = 0.003
 """RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
 
@@ -64,7 +62,7 @@ class Hypotheses:
     @property
     def certain_outline(self) -> bool:
         """Whether the outline is surely the sheet's, not that of a stack of pages or of a picture."""
-        return self.outline is not None and self.outline.confidence >= CERTAIN_OUTLINE
+        return self.outline is not None and self.outline.confidence >= CERTAIN_CONFIDENCE
 
     @property
     def rigid(self) -> bool:

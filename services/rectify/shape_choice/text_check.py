@@ -8,7 +8,7 @@ from services.sheet.shape import PageShape
 from services.sheet.tracing.level_rows import shows_print
 from services.sheet.tracing.line_tracing import flatten_ink
 
-CERTAIN_SHEET = 0.9
+SHEET_CONFIDENCE = 0.9
 """Confidence of an outline from which on there is a sheet, whatever is on it."""
 CLEAR_SHARE = 0.3
 """Of the characters, at `CHARACTERS_PER_LINE` of them in each traced line: more are text without a closer look."""
@@ -30,7 +30,7 @@ def refusal_of_text(
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
             "Send region, a polygon round the text, if there is some."
         )
-    if shape.ends_at_sides or (outline is not None and outline.confidence >= CERTAIN_SHEET):
+    if shape.ends_at_sides or (outline is not None and outline.confidence >= SHEET_CONFIDENCE):
         return None
     lines = shape.line_count
     clear = lines >= FEW_LINES and analysis.text.rejected_fraction <= CLEAR_INK

@@ -12,9 +12,8 @@ from services.arrays import Floats, Mask, Points
 from services.geometry.homographies import from_resized, translation
 from services.geometry.page_frame import Frame
 from services.notices import Notice
-from services.rectify.shape_choice.hypotheses import CERTAIN_OUTLINE
 from services.rectify.shape_choice.shaped_page import ShapedPage
-from services.sheet.outline.results import LEAST_CONFIDENCE
+from services.sheet.outline.results import CERTAIN_CONFIDENCE, LEAST_CONFIDENCE
 
 PRINT_CUT = Notice(
     "print-cut",
@@ -76,7 +75,7 @@ def _on_sheet(page: ShapedPage, characters: Points, p: PrintParameters) -> Mask:
     kept = number >= p.word
     if page.outline is not None and page.outline.confidence >= LEAST_CONFIDENCE:
         inside = page.outline.holds(characters)
-        if page.outline.confidence >= CERTAIN_OUTLINE or inside.mean() >= p.least_inside:
+        if page.outline.confidence >= CERTAIN_CONFIDENCE or inside.mean() >= p.least_inside:
             kept &= np.bincount(group, inside) >= p.share_inside * number
     return np.asarray(kept[group])
 

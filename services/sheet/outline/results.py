@@ -9,6 +9,8 @@ from services.arrays import Mask, Points, Vector
 
 LEAST_CONFIDENCE = 0.5
 """Sides of outlines of less confidence are more often wrong than right: they are not used."""
+CERTAIN_CONFIDENCE = 0.95
+"""Confidence from which on 99 % of the outlines are right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
