@@ -18,7 +18,7 @@ from services.geometry.homographies import transform_points
 from services.imaging.illumination import flatten_illumination
 from services.ocr.engine import Word
 from services.operations.page_reading import reading_engine
-from services.rectify.analysis.page_analysis import find_text
+from services.rectify.analysis.found_text import find_text
 from services.rectify.analysis.print_sample import print_heights
 from services.text.page_text import unsure_share
 from simulation.degradation import Degradation, Exposure, degrade, expose

@@ -19,13 +19,8 @@ from services.imaging.paper import PaperParameters
 from services.imaging.reduction import Halves
 from services.notices import Notice
 from services.rectify.analysis.focal_length import requested_prior
-from services.rectify.analysis.page_analysis import (
-    AnalysisParameters,
-    FoundText,
-    PageAnalysis,
-    analyse_text,
-    find_text,
-)
+from services.rectify.analysis.found_text import AnalysisParameters, FoundText, find_text
+from services.rectify.analysis.page_analysis import PageAnalysis, analyse_text
 from services.rectify.analysis.page_choice import choose_page
 from services.rectify.analysis.print_sample import print_heights
 from services.rectify.page_description import describe_page

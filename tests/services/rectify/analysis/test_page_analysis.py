@@ -8,12 +8,8 @@ from services.errors import NoText
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
-from services.rectify.analysis.page_analysis import (
-    AnalysisParameters,
-    analyse_photo,
-    characters_in_photo,
-    region_mask,
-)
+from services.rectify.analysis.found_text import AnalysisParameters, characters_in_photo, region_mask
+from services.rectify.analysis.page_analysis import analyse_photo
 from services.texture_flow.text_identification import identify_text
 from simulation.flat_page import Page
 from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album, errors_deg

@@ -1,0 +1,126 @@
+"""The text in one photo, found on a reduced copy in even light, and the paper under it."""
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage, Mask, Points, RgbImage
+from services.errors import NoText
+from services.geometry.homographies import from_resized, to_resized
+from services.imaging.channels import luminance
+from services.imaging.illumination import divide_by_light, reduced_light
+from services.imaging.paper import Paper, PaperParameters, model_paper
+from services.imaging.reduction import Halves, enlarge_image, reduce_image
+from services.texture_flow.major import MajorFlowParameters
+from services.texture_flow.minor import MinorFlowParameters
+from services.texture_flow.text_identification import (
+    FEWEST_CHARACTERS,
+    IdentifiedText,
+    TextComponents,
+    identify_text,
+    keep_characters,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisParameters:
+    """Working sizes of the analysis, and its least input."""
+
+    long_side_px: int = 1600
+    """Text and major flow: text height is then about 8 px on a full page of small print."""
+    least_side_px: int = 700
+    """Smaller photos are enlarged for that, to `enlarged_side_px` or by `most_enlargement`: their letters touch."""
+    enlarged_side_px: int = 1000
+    most_enlargement: float = 3.0
+    stroke_text_height_px: float = 20.0
+    """Minor flow: above this text height, strokes gain nothing from more pixels."""
+    least_reduction: float = 1.0
+    """A factor above this is left out: it takes more time than the pixels that it saves."""
+    other_page_share: float = 0.02
+    """If a larger share of the characters was left out as those of another page, the flows are measured again."""
+    min_flow_samples: int = 6
+    major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
+    minor: MinorFlowParameters = field(default_factory=MinorFlowParameters)
+    paper: PaperParameters = field(default_factory=PaperParameters)
+
+
+def characters_in_photo(text: IdentifiedText, factor: float) -> Points:
+    """Centres (N, 2) of the characters of `text`, found in the photo resized by `factor`, in photo pixels."""
+    return from_resized(text.components.centres, factor)
+
+
+def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int], factor: float) -> Mask:
+    """Inside of the polygon `region` (photo pixels) on an image of `shape` resized by `factor`."""
+    corners = to_resized(np.array(region, np.float64), factor)
+    mask = np.zeros(shape, np.uint8)
+    # Corners far outside would overflow fillPoly's integers.
+    limit = 4.0 * max(shape)
+    cv2.fillPoly(mask, [np.round(np.clip(corners, -limit, limit)).astype(np.int32)], 1)
+    return mask.astype(bool)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundText:
+    """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text.
+
+    `printed` is all that looks like characters, on paper or not; `light` the brightness of the bare page on a smaller
+    copy of the photo.
+    """
+
+    gray: GrayImage
+    factor: float
+    reduced: GrayImage
+    light: GrayImage
+    text: IdentifiedText
+    printed: TextComponents
+    paper: Paper
+
+    @property
+    def characters(self) -> Points:
+        """Centres of the characters (N, 2) in photo pixels."""
+        return characters_in_photo(self.text, self.factor)
+
+    @property
+    def text_height_px(self) -> float:
+        """Typical character size in photo pixels."""
+        return self.text.text_height_px / self.factor
+
+
+def find_text(
+    photo: RgbImage | Halves,
+    region: tuple[tuple[float, float], ...] | None = None,
+    parameters: AnalysisParameters | None = None,
+) -> FoundText:
+    """The dark print in `photo` (H, W, 3), within `region` if there is one.
+
+    Raises
+    ------
+    NoText
+        When there are too few characters.
+    """
+    p = parameters or AnalysisParameters()
+    halves = Halves.of(photo)
+    gray = luminance(halves.image)
+    factor = min(1.0, p.long_side_px / max(gray.shape))
+    if max(gray.shape) < p.least_side_px:
+        factor = min(p.enlarged_side_px / max(gray.shape), p.most_enlargement)
+    seen = reduce_image(gray, factor) if factor <= 1 else enlarge_image(gray, factor)
+    light = reduced_light(seen)
+    reduced = divide_by_light(seen, light)
+    guide = None if region is None else region_mask(region, (reduced.shape[0], reduced.shape[1]), factor)
+    text = identify_text(reduced, guide)
+    printed, paper = text.components, None
+    if len(text.components.sizes) >= FEWEST_CHARACTERS:
+        paper = model_paper(halves, characters_in_photo(text, factor), p.paper)
+        on_paper = paper.holds(characters_in_photo(text, factor))
+        # Print on many grounds (posters, boxes) is not clutter: at most a minority is dropped.
+        text = keep_characters(text, on_paper) if on_paper.mean() > 0.6 else text
+    if paper is None or len(text.components.sizes) < FEWEST_CHARACTERS:
+        count = len(text.components.sizes)
+        raise NoText(
+            f"{f'only {count}' if count else 'no'} printed characters were found; at least {FEWEST_CHARACTERS} are "
+            "needed. Photograph the page closer, sharper or in better light"
+            + (", or give a larger region." if region is not None else ".")
+        )
+    return FoundText(gray, factor, reduced, light, text, printed, paper)
