@@ -17,6 +17,7 @@ from app.layout_store import LayoutStore
 from app.routes.labelled_pages import layout_settings
 from app.settings import Settings
 from models.errors import StoreError
+from models.records import RECOGNIZED
 from services.contract.operations import Operations
 from services.errors import DocumentError
 
@@ -58,7 +59,7 @@ class ReviewOrder:
     async def recognize_again(self, document: Mapping[str, Any]) -> dict[str, Any] | None:
         """The document of a result with another recognition of its page; None if no newer model competes for it.
 
-        A page whose zones a person has drawn is not recognized again. A page of a document keeps the document's class.
+        A page that a person has verified is not recognized again. A page of a document keeps the document's class.
 
         Raises
         ------
@@ -66,7 +67,7 @@ class ReviewOrder:
             When no worker can do it now.
         """
         result = document.get("result", {})
-        if not self._settings.workers or "recognized" in document or not result.get("classes"):
+        if not self._settings.workers or RECOGNIZED in document or not result.get("classes"):
             return None
         ready = await self._store.ready()
         models = [

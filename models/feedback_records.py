@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from models.documents import Document
-from models.records import Origin, UnknownPageDraft
+from models.records import Origin, ReviewDraft, UnknownPageDraft
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +113,9 @@ class FeedbackDraft:
     owner
         Name of the API key that gave it; None without keys.
     revised
-        The result with the zones or texts of the person; None: it does not change.
+        Page and result as the person has verified them; None: they do not change.
+    review
+        Their place in the review queue.
     letters, wrong_letters
         Number of letters of the texts that the person gave, and of the edits that made them of the read ones.
     """
@@ -132,6 +134,7 @@ class FeedbackDraft:
     lesson: Document | None = None
     owner: str | None = None
     revised: Document | None = None
+    review: ReviewDraft | None = None
     letters: int | None = None
     wrong_letters: int | None = None
 

@@ -142,7 +142,7 @@ class FeedbackRepository(Transactions):
             of_page = update(ReviewRow).where(ReviewRow.result_id == draft.result_id)
             session.execute(of_page.values(claim=None, claimed_by=None, claimed_at=None, claimed_until=None))
             if draft.revised is not None:
-                revise_result(session, draft.result_id, draft.revised)
+                revise_result(session, draft.result_id, draft.revised, draft.review)
             session.flush()
             self._list_changes(session, {*rows, *taken_back}, draft.result_id)
             stored = _stored_feedback(session, feedback, created=True)

@@ -1,13 +1,14 @@
 """The store's calls for taking feedback back: what a model learned since, and its versions without a lesson."""
 
 from collections.abc import Mapping, Sequence, Set
+from dataclasses import asdict, fields
 from datetime import datetime
 from typing import Literal, cast
 
 from sqlalchemy import Row, delete, select, update
 from sqlalchemy.orm import Session
 
-from models.documents import decode_document, encode_document
+from models.documents import Document, decode_document, encode_document
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
 from models.feedback_records import Lesson, ModelPast, ModelStep, ModelUndo, UndoneFeedback
 from models.queries import (
@@ -18,12 +19,13 @@ from models.queries import (
     require_version,
     stored_model,
 )
-from models.records import Origin, StoredModel
+from models.records import RECOGNIZED, Origin, ReviewDraft, StoredModel, recognized
 from models.tables import (
     FeedbackModelRow,
     FeedbackRow,
     ModelRow,
     ResultRow,
+    ReviewRow,
     SampleRow,
     StateRow,
     UnknownPageRow,
@@ -33,9 +35,6 @@ from models.transactions import Transactions
 
 VersionMeta = Row[int, int | None, int | None, str, str]
 """version, parent, undone_by, origin, note"""
-
-FOUND = "recognized"
-"""Key of a result's document under which the recognized result is kept when a person has replaced its zones."""
 
 
 class LessonRepository(Transactions):
@@ -189,18 +188,35 @@ def take_back(
     return versions
 
 
-def revise_result(session: Session, result_id: str, revised: Mapping[str, object] | None) -> None:
-    """Give a result that is still kept the person's zones, or (None) its recognized zones again."""
-    row = session.get(ResultRow, result_id)
+def revise_result(
+    session: Session, result_id: str, revised: Document | None, review: ReviewDraft | None = None
+) -> None:
+    """Make a result that is still kept what a person has verified, or (None) what was recognized again.
+
+    `review` is its place in the review queue; it gets the earlier one back.
+    """
+    row, place = session.get(ResultRow, result_id), session.get(ReviewRow, result_id)
     if row is None:
         return
     document = decode_document(row.document)
-    found = document.get(FOUND, {"result": document.get("result"), "page": document.get("page")})
+    found = recognized(document)
     if revised is not None:
-        row.document = encode_document({**document, **revised, FOUND: found})
-    elif FOUND in document:
-        kept = {key: value for key, value in document.items() if key != FOUND}
+        if RECOGNIZED not in document and place is not None:
+            found = {
+                **found,
+                "review": {each.name: getattr(place, each.name) for each in fields(ReviewDraft)},
+            }
+        row.document = encode_document({**document, **revised, RECOGNIZED: found})
+        earlier = None if review is None else asdict(review)
+    elif RECOGNIZED in document:
+        kept = {key: value for key, value in document.items() if key != RECOGNIZED}
+        earlier = found.pop("review", None)
         row.document = encode_document({**kept, **found})
+    else:
+        return
+    if place is not None and earlier is not None:
+        for name, value in earlier.items():
+            setattr(place, name, value)
 
 
 def delete_samples_of_result(session: Session, result_id: str) -> int:

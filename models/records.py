@@ -157,6 +157,15 @@ ReviewState = Literal["open", "confirmed", "corrected", "skipped"]
 ReviewOrder = Literal["gain", "confidence", "newest"]
 
 
+RECOGNIZED = "recognized"
+"""Key of a result's document with what was recognized, where a person has verified it since."""
+
+
+def recognized(document: Mapping[str, Any]) -> dict[str, Any]:
+    """`page` and `result` of a stored page as they were recognized, whatever a person has said since."""
+    return dict(document.get(RECOGNIZED) or {name: document.get(name) for name in ("page", "result")})
+
+
 @dataclass(frozen=True, slots=True)
 class ReviewDraft:
     """What the review queue knows of a page: expected number of wrong zones, least confidence, class, decision.

@@ -146,12 +146,14 @@ class ReviewRepository(Transactions):
     def place_reviews(self, places: Mapping[str, ReviewDraft], version: int) -> None:
         """New gains and confidences of pages by id, from this version of their class's model.
 
-        Pages that a newer version has placed, and those that are gone, stay as they are.
+        Pages that a newer version has placed or a person has verified, and those that are gone, stay as they are.
         """
         with self._changing() as (session, _):
             for result_id, place in places.items():
                 row = session.get(ReviewRow, result_id)
-                if row is not None and (row.model_version or 0) < version:
+                if row is None or _is_verified(session, result_id):
+                    continue
+                if (row.model_version or 0) < version:
                     row.gain, row.confidence, row.model_version = place.gain, place.confidence, version
 
     def replace_recognition(self, result_id: str, claim: str, document: Document, place: ReviewDraft) -> bool:

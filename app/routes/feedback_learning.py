@@ -1,14 +1,17 @@
 """The path of a feedback, from the request to new versions of the models that it concerns.
 
 1. `routes.layout_feedback` reads the body and calls `learn_from_feedback`. A repeated feedback gets its earlier answer.
-2. `verified_page` joins the kept result and the body: the verified page. Zones and texts of the person replace its own.
+2. `_given` joins the kept result and the body: the verified page. Zones and texts of the person replace its own; what
+   the body leaves out stays as the result shows it, so that a second feedback goes on from the first.
 3. `_learn_once`, under a lock for each model concerned, takes earlier feedback on the same result back
    (`routes.feedback_undo`), and reads the newest versions of the found and the verified class.
 4. A worker runs `services.operations.layout_learning.adapt_models`: it reads the documents, the models learn in
    `services.layout.learning.feedback.adapt_models`, and their new documents come back. A class that has samples and no
    version gets its first one, from the samples and this page (`routes.lessons`).
-5. One transaction (`Store.add_feedback`) writes the new versions, the sample and the feedback, if no model has changed
-   since step 3. Else steps 3 to 5 are done again.
+5. A worker makes the result of the verified page (`services.operations.corrected_result`), which every representation
+   shows from now on.
+6. One transaction (`Store.add_feedback`) writes the new versions, the sample, the result and the feedback, if no model
+   has changed since step 3. Else steps 3 to 6 are done again.
 """
 
 import asyncio
@@ -19,7 +22,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
-from app.decisions import verdicts_of
+from app.decisions import place_in_queue, tolerated_errors_of, verdicts_of
 from app.engine.base import Busy, JobTimedOut
 from app.layout_store import document_of, labels_of
 from app.routes.feedback_undo import NotUndoable, fresh_models, models_without
@@ -30,11 +33,10 @@ from app.routes.state import AppState
 from app.schemas.layout_feedback import FeedbackBody
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
 from models.feedback_records import FeedbackDraft, ModelChange, ModelUndo, StoredFeedback
-from models.records import StoredSample
+from models.records import RECOGNIZED, ModelSettings, StoredSample, recognized
 from models.repository import Store
-from services.contract.fields import FieldSetting
 from services.contract.layout import ModelDocument
-from services.contract.layout_learning import Adaptation, VerifiedPage
+from services.contract.layout_learning import Adaptation, Correction, VerifiedPage
 from services.errors import InvalidOption
 
 MOST_TRIES = 32
@@ -43,8 +45,6 @@ processes that do nothing else, one feedback in 10 000 fails every time."""
 LONGEST_PAUSE_S = 0.05
 """Longest pause between two tries: about the time of one adaptation."""
 
-_RECOGNIZED = "recognized"
-"""Key of a result's document with what was recognized, where a person has changed it since."""
 _MOST_NAMED = 20
 _random = random.Random()
 
@@ -93,38 +93,47 @@ async def learn_from_feedback(
 
 
 @dataclass(frozen=True, slots=True)
-class _Revision:
-    """The changed parts of a stored result, if the person drew zones or gave texts, and these texts."""
-
-    result: dict[str, Any] | None
-    texts: list[dict[str, Any]]
-
-
-@dataclass(frozen=True, slots=True)
 class _Given:
-    """A feedback as it was given, the verified page, and what the person changed of the result.
+    """A feedback as it was given, the verified page, and the zones that its result shows.
 
-    `seen` has the ids of the earlier feedback on the result.
+    `document` is the stored result, `recognized` what was recognized of it, `texts` those that the person gave now,
+    and `sure_texts` the ids of all zones whose text a person has given. `seen` has the ids of the earlier feedback on
+    the result.
     """
 
     result_id: str
     key: str | None
     request: dict[str, Any]
-    verified: VerifiedPage[dict[str, Any]]
-    revised: _Revision
     owner: str | None
-    found: Mapping[str, Any]
     seen: Set[str]
+    document: Mapping[str, Any]
+    verified: VerifiedPage[dict[str, Any]]
+    zones: list[dict[str, Any]]
+    texts: list[dict[str, Any]]
+
+    @property
+    def recognized(self) -> Mapping[str, Any]:
+        """Page and result of the recognition."""
+        return recognized(self.document)
+
+    @property
+    def sure_texts(self) -> frozenset[str]:
+        """Ids of the zones whose text a person has given, now or before."""
+        before = {
+            zone["id"]: zone["text"]
+            for zone in self.document["result"]["zones"]
+            if RECOGNIZED in self.document and zone.get("text_confidence") == 1.0
+        }
+        kept = (zone["id"] for zone in self.zones if zone["text"] == before.get(zone["id"]))
+        return frozenset((*kept, *(each["zone"] for each in self.texts)))
 
     def verdicts(self, adaptation: Adaptation) -> list[list[Any]]:
-        """What the person said of the zones that were recognized; nothing if a person has changed them before."""
-        if _RECOGNIZED in self.found:
-            return []
+        """What the person said of the zones that were recognized."""
         verified = self.verified
         kept = {str(zone["id"]) for zone in verified.page["zones"]}
         wrong = {str(each["zone"]) for each in adaptation.wrong}
         class_is_right = verified.found_class == verified.verified_class
-        return verdicts_of(self.found["result"], wrong, kept, class_is_right=class_is_right)
+        return verdicts_of(self.recognized["result"], wrong, kept, class_is_right=class_is_right)
 
 
 async def _given(
@@ -135,45 +144,33 @@ async def _given(
     body: FeedbackBody,
     owner: str | None,
 ) -> _Given:
-    """The feedback on the result as it is now. Raises `ResultNotFound`, and `InvalidOption` as `_verified`."""
-    seen = await state.store.call(lambda store: store.feedback_ids(result_id))  # before what follows from it
-    result = await state.store.call(lambda store: store.result(result_id))
-    verified, revised = await _verified(state, result.document, body)
-    return _Given(result_id, key, request, verified, revised, owner, result.document, seen)
-
-
-async def _verified(
-    state: AppState, document: Mapping[str, Any], body: FeedbackBody
-) -> tuple[VerifiedPage[dict[str, Any]], _Revision]:
-    """The verified page, and what the person changed of the stored result.
+    """The feedback on the result as it is now.
 
     Raises
     ------
+    ResultNotFound
     InvalidOption
         As `verified_page`; also when a zone is invalid.
     """
+    seen = await state.store.call(lambda store: store.feedback_ids(result_id))  # before what follows from it
+    document = (await state.store.call(lambda store: store.result(result_id))).document
+    verified = verified_page(document, body)
+    given = _Given(result_id, key, request, owner, seen, document, verified, document["result"]["zones"], [])
     if body.zones is None and not body.texts:
-        return verified_page(document, body), _Revision(None, [])
-    _require_single_page(document)
-    given = verified_page(document, body)
+        return given
     zones = _zones_with_texts(document, body)
     if body.zones is not None:
         zones = [zone.model_dump(exclude_none=True) for zone in body.zones]
     revised = await state.engine.submit(
-        state.operations.revise_page,
-        document["page"],
-        zones,
-        layout_settings(state.settings),
-        await _field_settings(state, given.verified_class),
+        state.operations.revise_page, document["page"], zones, layout_settings(state.settings)
     )
-    result = {**document["result"], "zones": revised.zones, "fields": revised.fields, "match": None}
+    verified = replace(verified, page=revised.page)
     if body.zones is not None:
         labels = {str(zone["id"]): zone.get("label") for zone in revised.zones}
-        found_labels = {zone: given.found_labels.get(zone) for zone in labels}
-        given = replace(given, found_labels=found_labels, labels=labels)
-        given = replace(given, found_page=document.get(_RECOGNIZED, document)["page"])
-    changed = {"page": revised.page, "result": result}
-    return replace(given, page=revised.page), _Revision(changed, revised.texts)
+        found_labels = {zone: verified.found_labels.get(zone) for zone in labels}
+        found_page = given.recognized["page"]
+        verified = replace(verified, found_labels=found_labels, labels=labels, found_page=found_page)
+    return replace(given, verified=verified, zones=revised.zones, texts=revised.texts)
 
 
 def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[dict[str, Any]]:
@@ -204,18 +201,8 @@ def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[d
     ]
 
 
-async def _field_settings(state: AppState, name: str | None) -> Mapping[str, FieldSetting]:
-    """The types of the fields of a class; none where it does not exist, which the learning reports."""
-    if name is None:
-        return {}
-    try:
-        return (await state.store.call(lambda store: store.settings(name))).fields
-    except ModelNotFound:
-        return {}
-
-
 def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[dict[str, Any]]:
-    """The page of a stored result, with the feedback applied.
+    """The page of a stored result, with the feedback applied to what the result shows; drawn zones are not in it yet.
 
     Raises
     ------
@@ -224,11 +211,11 @@ def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPa
         such zone; when no class was found and none is given.
     """
     _require_single_page(document)
-    result = document["result"]
-    found_class = None if result["class"] is None else result["class"]["name"]
-    found_labels = {zone["id"]: zone["label"] for zone in result["zones"]}
+    before, result = recognized(document), document["result"]
+    shown_class, found_class = _class_of(result), _class_of(before["result"])
+    shown_labels = {zone["id"]: zone["label"] for zone in result["zones"]}
     for zone, label in body.labels.items():
-        if zone not in found_labels:
+        if zone not in shown_labels:
             shown = zone[:80]
             raise InvalidOption(
                 f"labels: the result has no zone {shown!a}. Use the ids in `zones` of the result.",
@@ -240,12 +227,27 @@ def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPa
                 f"labels.{zone}",
             )
     has_class = "class_" in body.model_fields_set
-    if not has_class and found_class is None:
+    if not has_class and shown_class is None:
         raise InvalidOption(
             "class: no class was found for this page. Give its class, or null for none.", "class"
         )
-    verified_class = body.class_ if has_class else found_class
-    return VerifiedPage(document["page"], found_class, found_labels, verified_class, body.labels)
+    verified_class = body.class_ if has_class else shown_class
+    if RECOGNIZED not in document:
+        return VerifiedPage(document["page"], found_class, shown_labels, verified_class, body.labels)
+    found_labels = {zone["id"]: zone["label"] for zone in before["result"]["zones"]}
+    labels = {**shown_labels, **body.labels} if verified_class == shown_class else body.labels
+    is_drawn = _places(document["page"]) != _places(before["page"])
+    found_page = before["page"] if is_drawn else None
+    found_labels = {zone: found_labels.get(zone) for zone in shown_labels}
+    return VerifiedPage(document["page"], found_class, found_labels, verified_class, labels, found_page)
+
+
+def _class_of(result: Mapping[str, Any]) -> str | None:
+    return None if result["class"] is None else result["class"]["name"]
+
+
+def _places(page: Mapping[str, Any]) -> dict[str, Any]:
+    return {str(zone["id"]): zone["box"] for zone in page["zones"]}
 
 
 def _require_single_page(document: Mapping[str, Any]) -> None:
@@ -271,10 +273,13 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
     is_unknown = verified.verified_class is None and bool(verified.found_labels)
     unknown_page = state.store.unknown_page(verified.page, given.owner) if is_unknown else None
     right = next((model for model in models if model.name == verified.verified_class), None)
+    shown = await _corrected(state, given, adaptation)
     draft = replace(
         _draft(given, adaptation),
         unknown_page=unknown_page,
         lesson=lesson_document(verified, adaptation, models),
+        revised={"page": verified.page, "result": shown},
+        review=place_in_queue(shown),
     )
     warnings += await asyncio.to_thread(_new_labels, right, adaptation)
     draft = replace(draft, report={**draft.report, "warnings": warnings})
@@ -287,6 +292,36 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
             seen=given.seen,
         )
     )
+
+
+async def _corrected(state: AppState, given: _Given, adaptation: Adaptation) -> dict[str, Any]:
+    """The result as the person has verified it."""
+    name, found = given.verified.verified_class, given.recognized["result"]
+    settings = await state.store.call(lambda store: _settings_of(store, name))
+    continues = None if settings is None else settings.continues
+    if name == given.verified.found_class and found.get("document_class") not in (None, name):
+        continues = found["document_class"]
+    whole = await state.store.call(lambda store: _settings_of(store, continues))
+    fields = {
+        label: each for one in (whole, settings) if one is not None for label, each in one.fields.items()
+    }
+    correction = Correction(
+        class_name=name,
+        labels={str(zone["id"]): zone.get("label") for zone in adaptation.sample["zones"]},
+        texts=given.sure_texts,
+        fields=fields,
+        continues=continues,
+        tolerated_error=tolerated_errors_of(name or "*", state.settings.tolerated_errors)[None],
+    )
+    return await state.engine.submit(state.operations.correct_result, found, given.zones, correction)
+
+
+def _settings_of(store: Store, name: str | None) -> ModelSettings | None:
+    """The settings of a class; None where it does not exist, which the learning reports."""
+    try:
+        return None if name is None else store.settings(name)
+    except ModelNotFound:
+        return None
 
 
 async def _without_earlier(
@@ -353,7 +388,7 @@ def _read_models(
 
 
 def _draft(given: _Given, adaptation: Adaptation) -> FeedbackDraft:
-    verified, texts = given.verified, given.revised.texts
+    verified, texts = given.verified, given.texts
     report = {
         "class": {"found": verified.found_class, "verified": verified.verified_class},
         "zones": adaptation.zones,
@@ -374,7 +409,6 @@ def _draft(given: _Given, adaptation: Adaptation) -> FeedbackDraft:
         class_wrong=verified.found_class != verified.verified_class,
         sample=adaptation.sample if verified.verified_class is not None and adaptation.zones else None,
         owner=given.owner,
-        revised=given.revised.result,
         letters=sum(max(len(each["found"]), len(each["verified"])) for each in texts) if texts else None,
         wrong_letters=sum(each["edits"] for each in texts) if texts else None,
     )

@@ -50,10 +50,18 @@ router = APIRouter(tags=["layout"], route_class=FormRoute)
 FEWEST_FILES = 64
 """Smallest limit on the number of files in a form."""
 
-_SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled", "html": ""}
+SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled", "html": ""}
 """What the file names of results add to that of the upload."""
 _STRING = {"schema": {"type": "string"}}
-_HEADERS: dict[str, Any] = {
+_BINARY = {"schema": {"type": "string", "format": "binary"}}
+OTHER_CONTENT: dict[str, Any] = {
+    "application/zip": _BINARY,
+    "application/xml": _STRING,
+    "image/png": _BINARY,
+    "text/html": _STRING,
+}
+"""Answers that are not JSON, for the OpenAPI document."""
+HEADERS: dict[str, Any] = {
     "Document-Class": {"description": "Name of the class; absent when `class` is null.", **_STRING},
     "Document-Result": {"description": "Path of the stored result as JSON.", **_STRING},
     "Document-Scale": {
@@ -79,13 +87,8 @@ _HEADERS: dict[str, Any] = {
             "description": "Class and labels, as JSON, as PAGE-XML or ALTO (application/xml; several pages give an "
             "archive of such files), as HTML, or drawn on the page.",
             "model": LayoutResult | DocumentResult,
-            "content": {
-                "application/zip": {"schema": {"type": "string", "format": "binary"}},
-                "application/xml": {"schema": {"type": "string"}},
-                "image/png": {"schema": {"type": "string", "format": "binary"}},
-                "text/html": {"schema": {"type": "string"}},
-            },
-            "headers": _HEADERS,
+            "content": OTHER_CONTENT,
+            "headers": HEADERS,
         },
         **ACCEPTED,
         **documented(
@@ -169,7 +172,7 @@ async def layout(
         headers = layout_headers(reply.document, reply.drawn)
         headers["Document-Result"] = f"/layout/results/{result_id}"
         if chosen != "json":
-            headers |= content_disposition(_image_name(images[:1]), _SUFFIXES[chosen], reply.media_type)
+            headers |= content_disposition(_image_name(images[:1]), SUFFIXES[chosen], reply.media_type)
             return Response(reply.body, media_type=reply.media_type, headers=headers)
         return await answer_json(lambda: result.model_copy(update={"id": result_id}), headers=headers)
 
@@ -189,7 +192,7 @@ async def _answer_document(
     await keep_pictures(state, result_id, pictures)
     headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
     if chosen != "json":
-        headers |= content_disposition(name, _SUFFIXES[chosen], reply.media_type)
+        headers |= content_disposition(name, SUFFIXES[chosen], reply.media_type)
         return Response(reply.body, media_type=reply.media_type, headers=headers)
     pages = [page.model_copy(update={"id": id}) for page, id in zip(whole.pages, page_ids, strict=True)]
     return await answer_json(

@@ -1,5 +1,6 @@
-"""GET and DELETE of /layout/results/{id}: a stored result again, as JSON or as HTML."""
+"""GET and DELETE of /layout/results/{id}: a stored result again, in any format, as feedback has corrected it."""
 
+import asyncio
 from collections.abc import Mapping
 from functools import partial
 from typing import Annotated, Any
@@ -12,13 +13,15 @@ from app.problems import documented
 from app.representations import choose_described_format, content_disposition, layout_headers
 from app.routes.common_responses import STORE, WORK
 from app.routes.json_answers import answer_json
+from app.routes.labelled_pages import layout_settings
+from app.routes.layout import HEADERS, OTHER_CONTENT, SUFFIXES
 from app.routes.state import AppState, State
 from app.schemas.layout import DocumentResult, LayoutResult, document_of, result_of
-from app.schemas.layout_results import RESULT_MEDIA_TYPES, ResultFormat
 from models.errors import ModelNotFound, ResultNotFound
 from models.records import StoredResult
 from models.repository import Store
-from services.contract.html import HtmlElement, KeptPage
+from services.contract.html import HtmlElement
+from services.contract.layout import MEDIA_TYPES, KeptPage, LayoutFormat
 
 router = APIRouter(tags=["layout"])
 
@@ -31,28 +34,29 @@ router = APIRouter(tags=["layout"])
         200: {
             "description": "The result again.",
             "model": LayoutResult | DocumentResult,
-            "content": {"text/html": {"schema": {"type": "string"}}},
+            "content": OTHER_CONTENT,
+            "headers": HEADERS,
         },
-        **documented("not-found", "not-acceptable", *STORE, *WORK),
+        **documented("not-found", "not-acceptable", "invalid-option", *STORE, *WORK),
     },
 )
 async def layout_result(
     request: Request,
     state: State,
     id: str,
-    format: Annotated[ResultFormat | None, Query(description="Or by `Accept`.")] = None,
+    format: Annotated[LayoutFormat | None, Query(description="Or by `Accept`.")] = None,
 ) -> Response:
-    """A stored result as JSON, or as an HTML file with the pictures that were kept (`keep_image`).
+    """A stored result as feedback has corrected it, in the formats of POST /layout.
 
-    It is kept for RESULT_TTL_S seconds, or until MAX_RESULTS newer results exist. HTML has the labels and texts as
-    feedback has corrected them, in elements by the present settings of the class. For another format, send the page
-    to POST /layout again.
+    It is kept for RESULT_TTL_S seconds, or until MAX_RESULTS newer results exist. HTML and pictures show the picture of
+    the page if it was kept (`keep_image`). HTML has elements by the present settings of the class. XML has words if
+    they were asked for (`words`).
     """
-    chosen = choose_described_format(format, request.headers.get("accept"), RESULT_MEDIA_TYPES)
+    chosen = choose_described_format(format, request.headers.get("accept"), MEDIA_TYPES)
     await require_own_result(request, state, id)
     kept = await state.store.call(lambda store: store.result(id))
-    if chosen == "html":
-        return await _answer_html(request, state, kept)
+    if chosen != "json":
+        return await _answer_file(request, state, kept, chosen)
     return await answer_json(partial(_shown, kept), headers={"Vary": "Accept"})
 
 
@@ -79,30 +83,35 @@ async def delete_layout_result(request: Request, state: State, id: str) -> None:
     await state.images.forget(await state.store.call(lambda store: store.delete_result(id)))
 
 
-async def _answer_html(request: Request, state: AppState, kept: StoredResult) -> Response:
+async def _answer_file(
+    request: Request, state: AppState, kept: StoredResult, chosen: LayoutFormat
+) -> Response:
     results = kept.pages if "pages" in kept.document else (kept,)
-    pages = [await _kept_page(state, each) for each in results]
+    pages = [await _kept_page(state, each, chosen) for each in results]
     seat = state.engine.admit()
     try:
-        work = state.engine.submit(state.operations.render_kept_pages, pages, "")
-        body = await while_connected(request.receive, work)
+        settings = layout_settings(state.settings)
+        work = state.engine.submit(state.operations.render_kept_pages, pages, chosen, settings)
+        file = await while_connected(request.receive, work)
     finally:
         seat.release()
-    headers = layout_headers(kept.document["document" if "pages" in kept.document else "result"])
-    headers |= content_disposition(kept.id, "", RESULT_MEDIA_TYPES["html"])
-    return Response(body, media_type=RESULT_MEDIA_TYPES["html"], headers=headers)
+    shown = await asyncio.to_thread(_shown, kept)
+    described = shown.model_dump(include={"class_", "document_class", "warnings", "timings_ms"})
+    headers = layout_headers(described, file.drawn)
+    headers |= content_disposition(kept.id, SUFFIXES.get(chosen, ""), file.media_type)
+    return Response(file.body, media_type=file.media_type, headers=headers)
 
 
-async def _kept_page(state: AppState, kept: StoredResult) -> KeptPage:
+async def _kept_page(state: AppState, kept: StoredResult, chosen: LayoutFormat) -> KeptPage:
     result = kept.document["result"]
     elements = await state.store.call(lambda store: _elements_of(store, result))
     picture = b""
-    if result.get("image") is not None:
+    if chosen in ("html", "png") and result.get("image") is not None:
         try:
             picture = await state.images.picture(kept.id, result["image"]["bytes"])
         except ResultNotFound:  # it gave way to newer pictures
             picture = b""
-    return KeptPage(result, picture, elements)
+    return KeptPage(result, kept.document["page"], kept.id, picture, elements)
 
 
 def _elements_of(store: Store, result: Mapping[str, Any]) -> dict[str, HtmlElement]:

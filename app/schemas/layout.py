@@ -125,9 +125,31 @@ class DocumentClass(Answer):
     """
 
     name: str
-    model_version: int = Field(ge=1)
-    cost: float = Field(description="Least cost of matching the page with the model.")
+    model_version: Annotated[int, Field(ge=1)] | None = Field(
+        description="null: a person named a class that had not been compared."
+    )
+    cost: float | None = Field(description="Least cost of matching the page with the model; null: as above.")
+    probability: float = Field(ge=0, le=1, description="1 where a person has verified the class.")
+
+
+class FoundZone(Answer):
+    """What was found of a zone before a person corrected it."""
+
+    label: str | None
+    confidence: float = Field(ge=0, le=1)
+    text: str
+
+
+class FoundClass(Answer):
+    """The class that was found before a person corrected it; null: none, with the probability that it is none."""
+
+    model_config = ConfigDict(extra="forbid", validate_by_name=True, serialize_by_alias=True)
+
+    class_: str | None = Field(alias="class")
     probability: float = Field(ge=0, le=1)
+
+
+_FOUND = "What was found, where feedback has corrected it; null: there is no difference."
 
 
 class LabelledZone(Answer):
@@ -136,7 +158,10 @@ class LabelledZone(Answer):
     id: str
     box: tuple[float, float, float, float] = Field(description="x0, y0, x1, y1 in pixels of the page.")
     label: str | None = Field(description="null: the zone has no label of the model, or there is no model.")
-    confidence: float = Field(ge=0, le=1, description="Probability of the label, given the class.")
+    confidence: float = Field(
+        ge=0, le=1, description="Probability of the label, given the class; 1 where a person has verified it."
+    )
+    found: FoundZone | None = Field(default=None, description=_FOUND)
     group: str | None = Field(description="Label of the model node that the zone is grouped with.")
     order: int = Field(ge=0, description="Place in reading order, from 0.")
     kind: Literal["text", "figure", "rule", "noise"]
@@ -151,7 +176,10 @@ class LabelledZone(Answer):
     appearance: Appearance | None = Field(default=None, description="Of the ink of the zone.")
     text: str
     text_confidence: float | None = Field(
-        default=None, ge=0, le=1, description="Mean confidence of the words by their length; null: not read."
+        default=None,
+        ge=0,
+        le=1,
+        description="Mean confidence of the words by their length; null: not read; 1 where a person gave the text.",
     )
     words: list[ReadWord] | None = Field(
         default=None, description="The words of the zone, in their order; null: not requested."
@@ -226,6 +254,7 @@ class LayoutResult(Answer):
 
     `class` is null when no model is stored, and when none of the compared models fits the page. In the second case
     `classes` and `unknown_probability` describe the comparison, and the zones have the labels of the best model.
+    After feedback class, labels, texts, fields and decision are what the person verified; `classes` is what was compared.
     """
 
     model_config = ConfigDict(
@@ -236,6 +265,7 @@ class LayoutResult(Answer):
     width: int | float = Field(gt=0, description="Pixels; an integer unless the zones were uploaded.")
     height: int | float = Field(gt=0)
     class_: DocumentClass | None = Field(alias="class")
+    found: FoundClass | None = Field(default=None, description=_FOUND)
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(
         ge=0,
@@ -291,6 +321,7 @@ class DocumentResult(Answer):
         description="Id of the result, as in /layout/results/{id}; feedback goes to the results of the pages."
     )
     class_: DocumentClass | None = Field(alias="class")
+    found: FoundClass | None = Field(default=None, description=_FOUND)
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(ge=0, le=1)
     pages: list[LayoutResult]
@@ -299,7 +330,19 @@ class DocumentResult(Answer):
 
 
 def document_of(document: dict[str, Any], result_id: str, pages: list[LayoutResult]) -> DocumentResult:
-    """Validated response for a worker's or the store's `document`, with its id and the results of its pages."""
+    """Validated response for a worker's or the store's `document`, with its id and the results of its pages.
+
+    Where a person has corrected the class of the first page, it is that of the document.
+    """
+    first = pages[0] if pages else None
+    if first is not None and first.found is not None:
+        chosen = None if first.class_ is None else first.class_.model_dump()
+        if chosen is not None:
+            chosen["name"] = first.document_class or chosen["name"]
+        known = document["class"]
+        chance = document["unknown_probability"] if known is None else known["probability"]
+        found = {"class": None if known is None else known["name"], "probability": chance}
+        document = {**document, "class": chosen, "found": found}
     return DocumentResult.model_validate({"id": result_id, "pages": pages, **document})
 
 

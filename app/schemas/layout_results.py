@@ -15,8 +15,6 @@ LIST_MEDIA_TYPES: dict[ListFormat, str] = {
     "csv": "text/csv",
     "jsonl": "application/jsonl",
 }
-ResultFormat = Literal["json", "html"]
-RESULT_MEDIA_TYPES: dict[ResultFormat, str] = {"json": "application/json", "html": "text/html"}
 
 
 class ResultEntry(Answer):

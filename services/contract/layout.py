@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from services.contract.fields import FieldSetting
 from services.contract.html import HtmlElement
@@ -99,6 +99,31 @@ class DrawnPage:
     scale_y: float
     left: int
     top: int
+
+
+@dataclass(frozen=True, slots=True)
+class KeptPage:
+    """A stored result that becomes a file, or a page of one.
+
+    `document` is its `LayoutResult` without the id, `page` the page with all measurements, and `name` that of its image
+    in the file. `picture` is a JPEG file of the page; empty: none is kept. `elements` has the elements of labels that
+    the settings of the class name.
+    """
+
+    document: dict[str, Any]
+    page: dict[str, Any]
+    name: str
+    picture: bytes = b""
+    elements: Mapping[str, HtmlElement] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedPages:
+    """A file of type `media_type` of stored results; `drawn` as in `LayoutReply`."""
+
+    body: bytes
+    media_type: str
+    drawn: DrawnPage | None = None
 
 
 @dataclass(frozen=True, slots=True)

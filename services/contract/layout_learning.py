@@ -1,8 +1,10 @@
 """Input and output of learning: from feedback on one page, and in training rounds over all samples."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, TypeVar
+
+from services.contract.fields import FieldSetting
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """Algorithms by which a model learns from a verified page; `services.layout.learning.learners` implements them."""
@@ -84,7 +86,7 @@ class Adaptation:
 
 @dataclass(frozen=True, slots=True)
 class RevisedPage:
-    """A page with the zones or texts of a person: the page with all measurements, `zones` and `fields` of its result.
+    """A page with the zones or texts of a person: the page with all measurements, and the `zones` of its result.
 
     `texts` are those that the person gave, each `{"zone", "found", "verified", "edits"}`: what was read there, and the
     number of letters to insert, delete or replace.
@@ -92,8 +94,35 @@ class RevisedPage:
 
     page: dict[str, Any]
     zones: list[dict[str, Any]]
-    fields: list[dict[str, Any]]
     texts: list[dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What a person said of a page.
+
+    Parameters
+    ----------
+    class_name
+        The class; None: none of the classes.
+    labels
+        The labels of all zones, by their ids.
+    texts
+        Ids of the zones whose text the person gave.
+    fields
+        The types of the fields of the class, by label.
+    continues
+        The class whose later pages this class describes; None: none.
+    tolerated_error
+        Of the class, as the operator states it.
+    """
+
+    class_name: str | None
+    labels: Mapping[str, str | None]
+    texts: frozenset[str]
+    fields: Mapping[str, FieldSetting]
+    continues: str | None
+    tolerated_error: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar
 
 from services.contract.images import PageReply
-from services.contract.layout import DocumentReply, LayoutReply
+from services.contract.layout import DocumentReply, LayoutReply, RenderedPages
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import ModelDifference, ModelDraft
 
@@ -35,7 +35,9 @@ class Operations:
         "services.operations.layout_documents:recognize_uploads"
     )
     resize_kept_picture: Operation[bytes] = Operation("services.operations.kept_picture:resize_kept_picture")
-    render_kept_pages: Operation[bytes] = Operation("services.operations.layout_html:render_kept_pages")
+    render_kept_pages: Operation[RenderedPages] = Operation(
+        "services.operations.kept_pages:render_kept_pages"
+    )
     measure_sample: Operation[dict[str, object]] = Operation(
         "services.operations.layout_models:measure_sample"
     )
@@ -50,6 +52,9 @@ class Operations:
     recognize_again: Operation[dict[str, Any]] = Operation("services.operations.layout_again:recognize_again")
     adapt_models: Operation[Adaptation] = Operation("services.operations.layout_learning:adapt_models")
     revise_page: Operation[RevisedPage] = Operation("services.operations.layout_learning:revise_page")
+    correct_result: Operation[dict[str, Any]] = Operation(
+        "services.operations.corrected_result:correct_result"
+    )
     train_model: Operation[tuple[ModelDraft, TrainingReport]] = Operation(
         "services.operations.layout_learning:train_model"
     )

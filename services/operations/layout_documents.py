@@ -202,12 +202,20 @@ def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:
 def _archive(
     recognition: DocumentRecognition, sources: Sequence[PageSource], options: LayoutOptions
 ) -> bytes:
-    """A ZIP archive with a PAGE-XML or ALTO file for each page, the first one named `page-01.xml`."""
+    """A PAGE-XML or ALTO file for each page."""
+    files = []
+    for placed, source in zip(recognition.pages, sources, strict=True):
+        name = options.image_names[source.upload] if options.image_names else options.image_name
+        if source.label.endswith(f"page {source.page + 1}"):
+            name += f"#page={source.page + 1}"
+        files.append(write_xml(placed.recognition, options, name))
+    return zip_files(files)
+
+
+def zip_files(files: Sequence[bytes]) -> bytes:
+    """A ZIP archive with the XML file of each page, the first one named `page-01.xml`."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for number, (placed, source) in enumerate(zip(recognition.pages, sources, strict=True), 1):
-            name = options.image_names[source.upload] if options.image_names else options.image_name
-            if source.label.endswith(f"page {source.page + 1}"):
-                name += f"#page={source.page + 1}"
-            archive.writestr(f"page-{number:02d}.xml", write_xml(placed.recognition, options, name))
+        for number, file in enumerate(files, 1):
+            archive.writestr(f"page-{number:02d}.xml", file)
     return buffer.getvalue()

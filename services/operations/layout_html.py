@@ -1,4 +1,4 @@
-"""HTML of recognized pages: of a page that was just recognized, of a document, of stored results."""
+"""HTML of recognized pages: of one page, or of a document."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from services.arrays import RgbImage
-from services.contract.html import HtmlElement, KeptPage
+from services.contract.html import HtmlElement
 from services.imaging.codec import encode_image
 from services.layout.page import Box
 from services.layout.rendering.html_elements import choose_element
@@ -41,13 +41,6 @@ def render_html(pages: Sequence[HtmlPage], title: str) -> bytes:
     languages = {page.document.get("language") for page in pages}
     language = languages.pop() if len(languages) == 1 else None
     return write_html([list(_zones(page)) for page in pages], title, language_tag(language or ""))
-
-
-def render_kept_pages(pages: Sequence[KeptPage], title: str) -> bytes:
-    """Stored results as one HTML file."""
-    return render_html(
-        [HtmlPage(page.document, page.picture or None, page.elements) for page in pages], title
-    )
 
 
 def _pixels(picture: RgbImage | bytes | None) -> RgbImage | None:

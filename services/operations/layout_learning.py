@@ -1,13 +1,12 @@
 """Learning in a worker: from JSON documents of pages and models to JSON documents of adapted models."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Any
 
 from rapidfuzz.distance import Levenshtein
 
-from services.contract.fields import FieldSetting
 from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDraft
@@ -21,10 +20,8 @@ from services.layout.learning.training import train_in_rounds
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.model.model_document import model_to_document
 from services.layout.page import InvalidLayout, Page
-from services.layout.recognition.fields import NO_FIELDS
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
-from services.operations.layout_result import describe_fields, describe_zones
+from services.operations.layout_result import describe_zones
 from services.operations.page_zones import exchange_limits, read_kept_page
 from services.operations.replies import rounded, to_json_ready
 from services.operations.stored_models import read_model
@@ -121,12 +118,7 @@ def train_model(
     return draft_of(trained), report
 
 
-def revise_page(
-    page: dict[str, Any],
-    zones: list[dict[str, Any]],
-    settings: LayoutSettings,
-    fields: Mapping[str, FieldSetting] = NO_FIELDS,
-) -> RevisedPage:
+def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
     """The page of a stored result with the zones or texts of a person.
 
     Parameters
@@ -137,8 +129,6 @@ def revise_page(
         The person's zones, `[{"id"?, "box", "label"?, "text"?, "kind"?}]`. A zone without an id gets one.
     settings
         Limits, and the settings file of content features.
-    fields
-        The types of the fields of the verified class, by label.
 
     Raises
     ------
@@ -157,17 +147,11 @@ def revise_page(
     found = read_kept_page(page, settings)
     revised = features.measure_page(revise_zones(found, drawn))
     read = revise_zones(found, replace(drawn, zones=tuple(replace(zone, text="") for zone in drawn.zones)))
-    sure = ClassMatch("", 0, 0.0, 1.0)
-    labelled = tuple(
-        LabelledZone(zone, zone.label, 1.0, None, order) for order, zone in enumerate(revised.zones)
-    )
-    verified = Recognition(revised, labelled, sure, (sure,))
     return RevisedPage(
         page=to_json_ready(page_to_document(revised)),
         zones=to_json_ready(
             describe_zones(revised, [(zone, zone.label, 1.0, None) for zone in revised.zones])
         ),
-        fields=to_json_ready(describe_fields(verified, fields)),
         texts=[
             {
                 "zone": given.id,

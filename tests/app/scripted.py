@@ -12,19 +12,28 @@ from pydantic import ValidationError
 from app.schemas.layout_samples import PageBody
 from app.schemas.page import FlatPage
 from services import errors
-from services.contract.html import KeptPage
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
 from services.contract.layout import (
     DocumentPage,
     DocumentReply,
     DrawnPage,
+    KeptPage,
+    LayoutFormat,
     LayoutOptions,
     LayoutReply,
     LayoutSettings,
     ModelDocument,
+    RenderedPages,
 )
-from services.contract.layout_learning import Adaptation, RevisedPage, Round, TrainingReport, VerifiedPage
+from services.contract.layout_learning import (
+    Adaptation,
+    Correction,
+    RevisedPage,
+    Round,
+    TrainingReport,
+    VerifiedPage,
+)
 from services.contract.layout_models import ModelDifference, ModelDraft, StoredPage
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
@@ -214,13 +223,13 @@ def resize_kept_picture(picture: bytes, width: int) -> bytes:
     return picture + f" at most {width} wide".encode()
 
 
-def render_kept_pages(pages: list[KeptPage], title: str) -> bytes:
+def render_kept_pages(pages: list[KeptPage], format: LayoutFormat, settings: LayoutSettings) -> RenderedPages:
     """Of every page its zones, the bytes of its picture, and the elements that settings name."""
     shown = [
         f"{len(page.document['zones'])} zones, {len(page.picture)} bytes, {dict(page.elements)}"
         for page in pages
     ]
-    return " | ".join(shown).encode()
+    return RenderedPages(" | ".join(shown).encode(), LAYOUT_MEDIA_TYPES[format])
 
 
 def measure_sample(
@@ -322,15 +331,23 @@ def adapt_models(
     return Adaptation(documents, wrong, costs, {**task.page, "zones": zones}, len(zones))
 
 
-def revise_page(
-    page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings, fields: Any
-) -> RevisedPage:
+def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
     """The zones as they were drawn, numbered where they have no id."""
     named = [{"label": None, **zone, "id": zone.get("id") or f"n{n}"} for n, zone in enumerate(zones, 1)]
     measured = layout_document({**page, "zones": named}, [], [], {})["zones"]
     assert isinstance(measured, list)
     shown = [{**each, "label": zone["label"]} for each, zone in zip(measured, named, strict=True)]
-    return RevisedPage({**page, "zones": named}, shown, [], [])
+    return RevisedPage({**page, "zones": named}, shown, [])
+
+
+def correct_result(
+    found: dict[str, Any], zones: list[dict[str, Any]], correction: Correction
+) -> dict[str, Any]:
+    """The found result with the verified class and labels."""
+    shown = [{**zone, "label": correction.labels[zone["id"]], "confidence": 1.0} for zone in zones]
+    name = correction.class_name
+    named = {"name": name, "model_version": None, "cost": None, "probability": 1.0}
+    return {**found, "zones": shown, "class": None if name is None else named}
 
 
 def train_model(
