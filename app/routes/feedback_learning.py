@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
-from app.decisions import place_in_queue, tolerated_errors_of, verdicts_of
+from app.decisions import place_of_verified, tolerated_errors_of, verdicts_of
 from app.engine.base import Busy, JobTimedOut
 from app.layout_store import document_of, labels_of
 from app.routes.feedback_undo import NotUndoable, fresh_models, models_without
@@ -279,7 +279,7 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
         unknown_page=unknown_page,
         lesson=lesson_document(verified, adaptation, models),
         revised={"page": verified.page, "result": shown},
-        review=place_in_queue(shown),
+        review=place_of_verified(shown),
     )
     warnings += await asyncio.to_thread(_new_labels, right, adaptation)
     draft = replace(draft, report={**draft.report, "warnings": warnings})

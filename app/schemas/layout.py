@@ -149,7 +149,11 @@ class FoundClass(Answer):
     probability: float = Field(ge=0, le=1)
 
 
-_FOUND = "What was found, where feedback has corrected it; null: there is no difference."
+def _is_absent(found: object) -> bool:
+    return found is None
+
+
+_FOUND = "What was found, where feedback has corrected it; absent where there is no difference."
 
 
 class LabelledZone(Answer):
@@ -161,7 +165,7 @@ class LabelledZone(Answer):
     confidence: float = Field(
         ge=0, le=1, description="Probability of the label, given the class; 1 where a person has verified it."
     )
-    found: FoundZone | None = Field(default=None, description=_FOUND)
+    found: FoundZone | None = Field(default=None, exclude_if=_is_absent, description=_FOUND)
     group: str | None = Field(description="Label of the model node that the zone is grouped with.")
     order: int = Field(ge=0, description="Place in reading order, from 0.")
     kind: Literal["text", "figure", "rule", "noise"]
@@ -254,7 +258,7 @@ class LayoutResult(Answer):
 
     `class` is null when no model is stored, and when none of the compared models fits the page. In the second case
     `classes` and `unknown_probability` describe the comparison, and the zones have the labels of the best model.
-    After feedback class, labels, texts, fields and decision are what the person verified; `classes` is what was compared.
+    After feedback class, labels, texts, fields and decision are what the person verified.
     """
 
     model_config = ConfigDict(
@@ -265,7 +269,7 @@ class LayoutResult(Answer):
     width: int | float = Field(gt=0, description="Pixels; an integer unless the zones were uploaded.")
     height: int | float = Field(gt=0)
     class_: DocumentClass | None = Field(alias="class")
-    found: FoundClass | None = Field(default=None, description=_FOUND)
+    found: FoundClass | None = Field(default=None, exclude_if=_is_absent, description=_FOUND)
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(
         ge=0,
@@ -321,7 +325,7 @@ class DocumentResult(Answer):
         description="Id of the result, as in /layout/results/{id}; feedback goes to the results of the pages."
     )
     class_: DocumentClass | None = Field(alias="class")
-    found: FoundClass | None = Field(default=None, description=_FOUND)
+    found: FoundClass | None = Field(default=None, exclude_if=_is_absent, description=_FOUND)
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(ge=0, le=1)
     pages: list[LayoutResult]

@@ -104,7 +104,7 @@ def _fields(
 
 
 def _words(zone: Mapping[str, Any]) -> Iterator[ReadWord]:
-    """The words of a zone; where they were not kept, those of its text, each as sure as the text. None if it was given."""
+    """The words of a zone; where they were not kept, those of its text, as sure as it. None where a person gave it."""
     sure = zone.get("text_confidence")
     if sure is None or sure == _SAID:
         return

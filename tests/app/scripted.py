@@ -343,11 +343,11 @@ def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: Lay
 def correct_result(
     found: dict[str, Any], zones: list[dict[str, Any]], correction: Correction
 ) -> dict[str, Any]:
-    """The found result with the verified class and labels."""
-    shown = [{**zone, "label": correction.labels[zone["id"]], "confidence": 1.0} for zone in zones]
-    name = correction.class_name
-    named = {"name": name, "model_version": None, "cost": None, "probability": 1.0}
-    return {**found, "zones": shown, "class": None if name is None else named}
+    """What the product makes of it."""
+    from services.operations import corrected_result  # not before it is asked for: it loads SciPy
+
+    whole = {"width": 20, "height": 30, "classes": [], "unknown_probability": 0.0, "match": None, **found}
+    return corrected_result.correct_result(whole, zones, correction)
 
 
 def train_model(

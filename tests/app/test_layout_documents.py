@@ -242,8 +242,8 @@ def test_a_stored_result_with_its_picture(client: httpx.Client, elements: dict[s
         assert answer.headers["vary"] == "Accept"
         assert "default-src 'none'" in answer.headers["content-security-policy"]
     assert client.get(path, headers={"Accept": "text/html"}, params={"format": "json"}).json()["zones"]
-    assert_problem(client.get(path, headers={"Accept": "image/png"}), 406, "not-acceptable")
-    assert client.get(path, params={"format": "png"}).json()["field"] == "format"
+    assert_problem(client.get(path, headers={"Accept": "image/tiff"}), 406, "not-acceptable")
+    assert client.get(path, params={"format": "gif"}).json()["field"] == "format"
 
 
 def test_a_document_with_pictures_that_are_gone(
@@ -256,6 +256,23 @@ def test_a_document_with_pictures_that_are_gone(
     monkeypatch.setattr("app.kept_images.KeptImages._key", lambda *_: "nowhere")
     gone = shown.replace(f"{PICTURE_BYTES} bytes", "0 bytes")
     assert client.get(path, params={"format": "html"}).text == f"{gone} | {gone}"
+
+
+def test_the_class_of_a_document_is_what_a_person_says_of_its_first_page(client: httpx.Client) -> None:
+    document = post(client, upload(""), upload("")).json()
+    path = f"/layout/results/{document['id']}"
+    first, second = (page["id"] for page in document["pages"])
+    for page, shown in ((second, "letter"), (first, None)):
+        told = client.post(f"/layout/results/{page}/feedback", json={"class": None})
+        assert told.status_code == 200, told.text
+        corrected = client.get(path).json()
+        assert (corrected["class"] or {"name": None})["name"] == shown
+    assert corrected["found"] == {"class": "letter", "probability": document["class"]["probability"]}
+    assert [page["class"] for page in corrected["pages"]] == [None, None]
+    assert client.get(path, params={"format": "html"}).headers.get("document-class") is None
+    for page in (first, second):
+        assert client.delete(f"/layout/results/{page}/feedback").status_code == 200
+    assert client.get(path).json() == document
 
 
 def test_settings_of_the_class_and_of_the_model_of_the_page(
