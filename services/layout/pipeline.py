@@ -168,7 +168,7 @@ def regroup(
     again = relabelled(joined, joined.page, best, features.names, parameters)
     # A zone was put together because its pieces have one label, so it keeps that.
     zones = (
-        old if new.zone.pieces and new.label != old.label else new
+        old if new.zone.pieces and new.label != old.label else replace(new, several=old.several)
         for old, new in zip(joined.zones, again.zones, strict=True)
     )
     return replace(again, zones=tuple(zones))
@@ -183,10 +183,11 @@ def regroup_pieces(
 ) -> tuple[Recognition, tuple[tuple[int, ...], ...]]:
     """A recognition of a known class, its zones cut and joined where that changes labels, and the lines of these."""
     best, lines = _chosen(seen, models), compose_with_lines(fine)[1]
-    page, lines = regroup_page(fine, seen.page, lines, best.model, features)
+    page, lines, several = regroup_page(fine, seen.page, lines, best.model, features)
     if page is not seen.page:
         seen = relabelled(seen, page, best, features.names, parameters)
-    return seen, lines
+    zones = (replace(each, several=doubt) for each, doubt in zip(seen.zones, several, strict=True))
+    return replace(seen, zones=tuple(zones)), lines
 
 
 def _chosen(seen: Recognition, models: Sequence[VersionedModel]) -> VersionedModel:

@@ -52,6 +52,7 @@ def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recogniti
                 default=None,
             ),
             seen.zones[group[0]].others if len(group) == 1 else {},
+            max(seen.zones[place].several for place in group),
         )
         for order, (zone, group) in enumerate(zip(page.zones, groups, strict=True))
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner, VerifiedPage
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
-from services.layout.learning.label_transfer import transfer_labels
+from services.layout.learning.label_transfer import come_apart, transfer_labels
 from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.learning.learners import learn_page
 from services.layout.matching import MatchingParameters, match_directly
@@ -103,8 +103,9 @@ def adapt_models(
         found_view = None
         if verified.found_page is not None:
             found_page = transfer_labels(page, verified.found_page)
-            found_view = LabelledGraph(build_graph(found_page, content_names), _labels_of(found_page))
             learning = replace(learning, pieces=learn_pieces([(page, found_page)], learning.pieces))
+            found_page = come_apart(page, found_page)
+            found_view = LabelledGraph(build_graph(found_page, content_names), _labels_of(found_page))
         after = learn_page(
             replace(learning, calibration=accepting), LabelledGraph(graph, labels), learner, found_view
         )

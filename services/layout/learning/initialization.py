@@ -9,6 +9,7 @@ import numpy as np
 
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.graph.layout_graph import build_graph
+from services.layout.learning.label_transfer import come_apart
 from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.learning.over_segmentation import over_segment
 from services.layout.matching import MatchingParameters, match_directly
@@ -42,11 +43,11 @@ time."""
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A page and its graph with the labels; `is_found` where segmentation found its zones in an image."""
+    """A page and its graph with the labels; where segmentation found its zones in an image, these as found."""
 
     page: Page
     labelled: LabelledGraph
-    is_found: bool = False
+    found: Page | None = None
 
 
 Views = Sequence[View]
@@ -138,7 +139,7 @@ def _begin(
         samples=len(seen),
         calibration=calibrate([]),
         content_names=graphs[0][0].graph.content_names,
-        pieces=learn_pieces((views[0].page, views[1].page) for views in seen if views[1].is_found),
+        pieces=learn_pieces((views[0].page, views[1].found) for views in seen if views[1].found is not None),
     )
     return begun, held_out
 
@@ -157,7 +158,7 @@ def _calibrate(begun: LearningModel, seen: Sequence[Views], held_out: HeldOutTer
     scales = fit_scales_without(held_out, begun.model.scales)
     costs = []
     judged = []
-    with_images = any(view.is_found for views in seen for view in views)
+    with_images = any(view.found is not None for views in seen for view in views)
     for index in choose_evenly(work, MOST_HELD_OUT, MOST_MATCHED):
         own = sample_statistics([view.labelled for view in seen[index]], labels)
         model = estimate_model(begun.statistics - own, labels, scales[index])
@@ -167,7 +168,7 @@ def _calibrate(begun: LearningModel, seen: Sequence[Views], held_out: HeldOutTer
             found = match_directly(tables, NO_PROOF).labels
             costs.append(comparable_cost(graph, model, found) / graph.zones)
             # Confidences are most wrong, and most used, on the zones of segmentation.
-            if view.is_found or not with_images:
+            if view.found is not None or not with_images:
                 true = label_indices(view.labelled.labels, labels)
                 judged.append(judge_labels(tables, found, true, len(seen) - 1, is_read=graph.is_read))
     return calibrate_labels(calibrate(costs), judged)
@@ -179,11 +180,12 @@ def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
         # The seed depends on the page only, so that the model does not depend on the order of samples.
         seed = zlib.crc32(repr([zone.box for zone in sample.zones]).encode())
         found = over_segment(content.measure_page(sample), np.random.default_rng(seed))
+    other = come_apart(sample, found) if is_found else found
     return [
         View(
             page,
             LabelledGraph(build_graph(page, content.names), tuple(zone.label for zone in page.zones)),
-            is_found and place == 1,
+            found if is_found and place == 1 else None,
         )
-        for place, page in enumerate(map(content.measure_page, (sample, found)))
+        for place, page in enumerate(map(content.measure_page, (sample, other)))
     ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,43 @@ def transfer_labels(truth: Page, found: Page) -> Page:
         for row, (zone, index) in enumerate(zip(found.zones, best, strict=True))
     )
     return replace(found, zones=tuple(zones))
+
+
+def merged_zones(truth: Page, found: Page) -> dict[int, list[int]]:
+    """Places of found zones that hold several true ones of different labels, one below the other, and those of these.
+
+    A true zone is held where half of it lies in the found one; together they are half of that.
+    """
+    if not truth.zones or not found.zones:
+        return {}
+    shared = shared_areas(found.zones, truth.zones)
+    is_held = shared >= 0.5 * box_areas(truth.zones)
+    covers = (shared * is_held).sum(axis=1) >= 0.5 * box_areas(found.zones)
+    merged = {}
+    for place in np.flatnonzero(covers & (is_held.sum(axis=1) > 1)):
+        held = sorted(np.flatnonzero(is_held[place]).tolist(), key=lambda each: truth.zones[each].box[1])
+        boxes = [truth.zones[each].box for each in held]
+        is_stack = all((a[1] + a[3]) / 2 < b[1] and a[3] < (b[1] + b[3]) / 2 for a, b in pairwise(boxes))
+        if (
+            is_stack
+            and found.zones[place].kind == "text"
+            and len({truth.zones[each].label for each in held}) > 1
+        ):
+            merged[int(place)] = held
+    return merged
+
+
+def come_apart(truth: Page, found: Page) -> Page:
+    """`found` with the true zones in place of those that hold several of them (`merged_zones`).
+
+    So a model learns what the parts are like, and not that they are one zone with the label of the largest.
+    """
+    merged = merged_zones(truth, found)
+    zones: list[Zone] = []
+    for place, zone in enumerate(found.zones):
+        parts = [truth.zones[each] for each in merged.get(place, ())]
+        zones += [replace(part, id=f"{zone.id}.{n}") for n, part in enumerate(parts, 1)] or [zone]
+    return replace(found, zones=tuple(zones)) if merged else found
 
 
 def shared_areas(zones: Sequence[Zone], others: Sequence[Zone]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from services.layout.grouping.piece_pairs import (
     pair_features,
     print_size,
 )
-from services.layout.learning.label_transfer import box_areas, shared_areas, transfer_labels
+from services.layout.learning.label_transfer import box_areas, merged_zones, shared_areas, transfer_labels
 from services.layout.model.layout_model import LARGEST, PieceStatistics
 from services.layout.page import Page, Zone
 
@@ -58,7 +58,7 @@ def learn_pieces(
         owner = owners_of(verified, found)
         for label, each in _pairs_by_label(found, owner).items():
             pairs.setdefault(label, []).append(each)
-        for label, counted in _count_pieces(verified, found, owner).items():
+        for label, counted in _count_pieces(verified, found, owner, counts_apart=known is None).items():
             learned[label] = _sum(learned.get(label, PieceStatistics()), counted)
     for label, seen in pairs.items():
         odds, joined = (np.concatenate(part) for part in zip(*seen, strict=True))
@@ -96,8 +96,14 @@ def owners_of(verified: Page, found: Page) -> NDArray[np.intp]:
     return np.where(shares[np.arange(len(best)), best] >= 0.5, best, -1)
 
 
-def _count_pieces(verified: Page, found: Page, owner: NDArray[np.intp]) -> dict[str, PieceStatistics]:
-    """Sums of one page: verified zones by whether they were found in one piece, and their sizes."""
+def _count_pieces(
+    verified: Page, found: Page, owner: NDArray[np.intp], *, counts_apart: bool
+) -> dict[str, PieceStatistics]:
+    """Sums of one page: verified zones by whether they were found in one piece, merged with others, and their sizes.
+
+    `counts_apart` is False for pages that were recognized: they show what segmentation merged only where it stayed.
+    """
+    merged = {each for held in merged_zones(verified, found).values() for each in held}
     pieces = Counter(
         int(place)
         for zone, place in zip(found.zones, owner, strict=True)
@@ -112,6 +118,8 @@ def _count_pieces(verified: Page, found: Page, owner: NDArray[np.intp]) -> dict[
             one = PieceStatistics(
                 whole=float(pieces[place] == 1),
                 divided=float(pieces[place] > 1),
+                merged=float(place in merged),
+                apart=float(counts_apart and place not in merged),
                 widths=width,
                 heights=height,
             )
@@ -138,6 +146,8 @@ def _sum(one: PieceStatistics, other: PieceStatistics) -> PieceStatistics:
         one,
         whole=one.whole + other.whole,
         divided=one.divided + other.divided,
+        merged=one.merged + other.merged,
+        apart=one.apart + other.apart,
         widths=added(one.widths, other.widths),
         heights=added(one.heights, other.heights),
     )

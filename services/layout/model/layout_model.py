@@ -45,7 +45,8 @@ class PieceStatistics:
     `joining` are log odds, beyond the usual ones, that two neighbouring zones of segmentation with the label are pieces
     of one zone, and `certainty` how sure they are: the second derivative of the negative log likelihood. `whole`
     verified zones were found in one piece, `divided` ones in several. `widths` and `heights` are those of verified
-    zones, as binary logarithms of shares of the page: their number, their sum and that of their squares.
+    zones, as binary logarithms of shares of the page: their number, their sum and that of their squares. `merged`
+    verified zones were found in one zone with one of another label, `apart` ones were not.
     """
 
     joining: float = 0.0
@@ -54,6 +55,8 @@ class PieceStatistics:
     divided: float = 0.0
     widths: tuple[float, float, float] = (0.0, 0.0, 0.0)
     heights: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    merged: float = 0.0
+    apart: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,6 +163,8 @@ class _Pieces(TypedDict):
     divided: Positive
     widths: tuple[Total, SignedTotal, Total]
     heights: tuple[Total, SignedTotal, Total]
+    merged: NotRequired[Positive]
+    apart: NotRequired[Positive]
 
 
 class _Node(TypedDict):

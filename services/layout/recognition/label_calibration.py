@@ -88,7 +88,8 @@ def with_believable_labels(recognition: Recognition, models: Sequence[VersionedM
         if each.evidence is None
         else replace(
             each,
-            confidence=float(expit(line.evidence_slope * each.evidence + line.evidence_intercept)),
+            confidence=float(expit(line.evidence_slope * each.evidence + line.evidence_intercept))
+            * (1.0 - each.several),
         )
         for each in recognition.zones
     )
