@@ -13,9 +13,11 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
 from services.layout.grouping.joining import find_groups
+from services.layout.grouping.merged_zones import with_merged_doubts
 from services.layout.grouping.regrouping import regroup_page
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
+from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Page
 from services.layout.recognition.label_calibration import with_believable_labels
 from services.layout.recognition.page_recognition import (
@@ -141,6 +143,8 @@ def complete_recognition(
     """A recognition with its zones regrouped, if we segmented the page, and with labels that can be believed."""
     if fine is not None:
         seen = regroup(fine, seen, models, parameters, features)
+    if seen.chosen is not None:
+        seen = with_merged_doubts(seen, _pieces_of(_chosen(seen, models)))
     return with_believable_labels(seen, models)
 
 
@@ -196,6 +200,10 @@ def _chosen(seen: Recognition, models: Sequence[VersionedModel]) -> VersionedMod
     return next(each for each in models if each.model.name == name)
 
 
+def _pieces_of(model: VersionedModel) -> dict[str, PieceStatistics]:
+    return {node.label: node.pieces for node in model.model.nodes if node.label is not None}
+
+
 def _join_pieces(
     fine: FinePage,
     seen: Recognition,
@@ -204,8 +212,7 @@ def _join_pieces(
     features: ContentFeatures,
 ) -> Recognition:
     """The recognition with pieces of one zone put together; the same where none are."""
-    learned = {node.label: node.pieces for node in model.model.nodes if node.label is not None}
-    groups = find_groups(seen.zones, seen.page, learned)
+    groups = find_groups(seen.zones, seen.page, _pieces_of(model))
     if len(groups) == len(seen.page.zones):
         return seen
     page, ordered = join_page(fine, seen.page, lines, groups)

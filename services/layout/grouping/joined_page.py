@@ -52,7 +52,9 @@ def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recogniti
                 default=None,
             ),
             seen.zones[group[0]].others if len(group) == 1 else {},
-            max(seen.zones[place].several for place in group),
+            max(seen.zones[place].several or 0.0 for place in group)
+            if len(group) > 1
+            else seen.zones[group[0]].several,
         )
         for order, (zone, group) in enumerate(zip(page.zones, groups, strict=True))
     )

@@ -90,7 +90,7 @@ def regroup_page(
     model: LayoutModel,
     features: ContentFeatures,
     parameters: RegroupingParameters = RegroupingParameters(),
-) -> tuple[Page, Lines, tuple[float, ...]]:
+) -> tuple[Page, Lines, tuple[float | None, ...]]:
     """The page with the grouping of its lines that `model` explains best of a few, and the lines of its zones.
 
     Parameters
@@ -107,11 +107,11 @@ def regroup_page(
     Returns
     -------
     The same page and lines where nothing changes; else zones in reading order, ids "z1", "z2" ... For each zone the
-    probability, 0-1, that it should have been cut, where the samples have its label merged with others.
+    probability, 0-1, that it should have been cut, where the samples have its label merged with others; else None.
     """
     most = min(parameters.most_hypotheses, int(parameters.most_pairs / max(1, len(page.zones) ** 2 / 2)))
     if most < 1 or not page.zones:
-        return page, lines, (0.0,) * len(page.zones)
+        return page, lines, (None,) * len(page.zones)
     class_ = _Class(fine, model, features.in_language_of(page), parameters)
     current = class_.match(page, lines)
     hypotheses = class_.likely_changes(current)[:most]
@@ -129,7 +129,7 @@ def regroup_page(
         if taken.at is not None:  # where two were merged, a third may be
             parts = (each for each in _cuts(fine, current) if set(each.lines) < set(taken.lines))
             hypotheses += islice(parts, most)
-    told = tuple(doubts.get(own, 0.0) for own in current.lines)
+    told = tuple(doubts.get(own) for own in current.lines)
     if current.page is page:
         return page, lines, told
     numbered, order = number_zones(current.page)

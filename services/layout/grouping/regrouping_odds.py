@@ -52,17 +52,20 @@ MERGED_ZONES = 1.0
 """As if so many zones had been seen with the usual share."""
 
 
+def merged_share(label: PieceStatistics) -> float:
+    """Share of the zones of a label that segmentation merges with others, by what the class has seen of them."""
+    known = label.merged + MERGED_ZONES * USUAL_MERGED
+    return known / (label.merged + label.apart + MERGED_ZONES)
+
+
 def merged_log_odds(parts: Iterable[PieceStatistics]) -> float:
-    """Log odds, beyond the usual ones, that zones of these labels are merged, by what the class has seen of them.
+    """Log odds, beyond the usual ones, that zones of these labels are merged.
 
     It is that of the label that is merged least; 0 where one was never merged: that it is rare is known.
     """
-
-    def learned(label: PieceStatistics) -> float:
-        share = (label.merged + MERGED_ZONES * USUAL_MERGED) / (label.merged + label.apart + MERGED_ZONES)
-        return max(0.0, float(logit(share) - logit(USUAL_MERGED))) if label.merged else 0.0
-
-    return min(map(learned, parts), default=0.0)
+    usual = float(logit(USUAL_MERGED))
+    learned = (max(0.0, float(logit(merged_share(each))) - usual) if each.merged else 0.0 for each in parts)
+    return min(learned, default=0.0)
 
 
 def measure_space(lines: Sequence[Line], at: int) -> NDArray[np.float64]:

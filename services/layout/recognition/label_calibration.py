@@ -89,7 +89,7 @@ def with_believable_labels(recognition: Recognition, models: Sequence[VersionedM
         else replace(
             each,
             confidence=float(expit(line.evidence_slope * each.evidence + line.evidence_intercept))
-            * (1.0 - each.several),
+            * (1.0 - (each.several or 0.0)),
         )
         for each in recognition.zones
     )

@@ -15,7 +15,7 @@ class LabelledZone:
     node whose zones it is grouped with (5.3); `order` is its place in reading order, from 0. `evidence` are log odds
     that the label is right, from which its confidence is calibrated (`label_evidence`); None where nothing was matched.
     `others` are the labels that are nearly as probable, each with its probability, 0-1, if `label` is wrong. `several`
-    is the probability, 0-1, that the zone is several, which samples of the class label apart.
+    is the probability, 0-1, that the zone is several, which samples of the class label apart; None: not judged.
     """
 
     zone: Zone
@@ -25,7 +25,7 @@ class LabelledZone:
     order: int
     evidence: float | None = None
     others: Mapping[str, float] = field(default_factory=dict)
-    several: float = 0.0
+    several: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

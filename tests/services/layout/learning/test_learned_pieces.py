@@ -6,6 +6,7 @@ import pytest
 
 from services.layout.grouping.joining import find_groups
 from services.layout.grouping.piece_pairs import MOST_ZONES
+from services.layout.grouping.regrouping_odds import merged_log_odds
 from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.page import Page
 from tests.services.layout.grouping.test_joining import BODY, HEAD, MORE, UNDER, labelled, page, zone
@@ -37,8 +38,9 @@ def test_pages_one_after_another_teach_nearly_the_same_as_together() -> None:
         learned = learn_pieces([(VERIFIED, FOUND)], learned)
     for label, each in together.items():
         assert learned[label].joining == pytest.approx(each.joining, abs=0.35)
+        # A recognized page does not tell what segmentation has kept apart.
         assert replace(learned[label], joining=0.0, certainty=0.0) == replace(
-            each, joining=0.0, certainty=0.0
+            each, joining=0.0, certainty=0.0, apart=0.0
         )
 
 
@@ -50,6 +52,19 @@ def test_zones_that_were_put_together_count_as_their_pieces() -> None:
     learned = learn_pieces([(VERIFIED, page(right, BODY, MORE))])
     assert learned["head"].joining > 0
     assert learned["head"].divided == 1
+
+
+def test_labels_that_segmentation_merges_are_known() -> None:
+    """The head and the text below it in one zone; the text alone is on the page, too."""
+    both = replace(BODY, id="both", box=(100, 90, 900, 460))
+    learned = learn_pieces([(VERIFIED, page(both, MORE))] * 2)
+    assert (learned["head"].merged, learned["head"].apart) == (2, 0)
+    assert (learned["text"].merged, learned["text"].apart) == (2, 2)
+    assert merged_log_odds([learned["head"]]) > merged_log_odds([learned["text"]]) > 0
+    assert merged_log_odds(learned.values()) == merged_log_odds([learned["text"]])
+    apart = learn_pieces([(VERIFIED, FOUND)])
+    assert merged_log_odds([learned["head"], apart["head"]]) == 0.0
+    assert learn_pieces([(VERIFIED, page(both, MORE))], {})["text"].apart == 0
 
 
 def test_crowded_pages_teach_nothing() -> None:

@@ -275,6 +275,8 @@ LEARNED = (
     "content_weights",
     "bias",
     "pieces",
+    "merged",
+    "apart",
     "memory",
     "evidence_slope",
     "evidence_intercept",
