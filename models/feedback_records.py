@@ -116,6 +116,8 @@ class FeedbackDraft:
         Page and result as the person has verified them; None: they do not change.
     review
         Their place in the review queue.
+    may_create_class
+        The verified class is created if it does not exist.
     letters, wrong_letters
         Number of letters of the texts that the person gave, and of the edits that made them of the read ones.
     """
@@ -135,6 +137,7 @@ class FeedbackDraft:
     owner: str | None = None
     revised: Document | None = None
     review: ReviewDraft | None = None
+    may_create_class: bool = False
     letters: int | None = None
     wrong_letters: int | None = None
 

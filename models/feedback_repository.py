@@ -22,6 +22,7 @@ from models.queries import (
     add_unknown_page,
     append_version,
     count_samples,
+    create_model,
     find_model,
     look_up_model,
     require_result_id,
@@ -62,6 +63,7 @@ class FeedbackRepository(Transactions):
         changes: Sequence[ModelChange],
         *,
         max_samples: int | None = None,
+        max_models: int | None = None,
         undone: Sequence[ModelUndo] = (),
         seen: Set[str] | None = None,
     ) -> StoredFeedback:
@@ -75,10 +77,11 @@ class FeedbackRepository(Transactions):
 
         `undone` has the models without the lessons of earlier feedback on the result. They are stored first. A change
         of such a model starts from its document there; its `expected_version` is not used. `seen` has the ids of the
-        feedback on the result that the caller knew; None: they are not compared.
+        feedback on the result that the caller knew; None: they are not compared. `max_models` limits the classes where
+        the draft may create one.
 
         Raises `VersionConflict` when a model does not have the version that its change expects, or there is other
-        feedback on the result, `ModelNotFound`, `KeyReused`, `NotStorable`.
+        feedback on the result, `ModelNotFound`, `KeyReused`, `StoreFull`, `NotStorable`.
         """
         _require_feedback(draft, changes)
         digest = digest_document(draft.request)
@@ -95,6 +98,9 @@ class FeedbackRepository(Transactions):
             require_feedback_seen(session, draft.result_id, seen)
             now = self._clock()
             [feedback_id] = self._new_ids(session, FeedbackRow.id, now)
+            if draft.may_create_class and look_up_model(session, str(draft.verified_class)) is None:
+                create_model(session, str(draft.verified_class), now, max_models)
+                state.revision += 1
             rows = {change.name: find_model(session, change.name) for change in changes}
             fresh = {each.name for each in undone}
             for change in (each for each in changes if each.name not in fresh):

@@ -127,6 +127,11 @@ class _Given:
         kept = (zone["id"] for zone in self.zones if zone["text"] == before.get(zone["id"]))
         return frozenset((*kept, *(each["zone"] for each in self.texts)))
 
+    @property
+    def is_new_class(self) -> bool:
+        """Whether the verified class may be made."""
+        return bool(self.request.get("new_class"))
+
     def verdicts(self, adaptation: Adaptation) -> list[list[Any]]:
         """What the person said of the zones that were recognized."""
         verified = self.verified
@@ -264,11 +269,15 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
     """Read the models, adapt them in a worker, and store the outcome if their versions have not changed."""
     verified, result_id = given.verified, given.result_id
     undone, warnings = await _without_earlier(state, result_id)
-    models, samples = await state.store.call(lambda store: _read_models(store, result_id, verified, undone))
+    models, samples = await state.store.call(
+        lambda store: _read_models(store, result_id, verified, undone, may_be_new=given.is_new_class)
+    )
     versions = {model.name: model.version for model in models}
     models = await asyncio.to_thread(fresh_models, models, undone)
     taught = await teach(state, verified, models, samples)
     adaptation = taught.adaptation
+    if given.is_new_class and samples == [] and not any(zone["label"] for zone in adaptation.sample["zones"]):
+        raise InvalidOption("labels: give at least one zone its label; a class begins with labels.", "labels")
     changes = [ModelChange(name, document, versions.get(name)) for name, document in taught.documents.items()]
     is_unknown = verified.verified_class is None and bool(verified.found_labels)
     unknown_page = state.store.unknown_page(verified.page, given.owner) if is_unknown else None
@@ -280,6 +289,7 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
         lesson=lesson_document(verified, adaptation, models),
         revised={"page": verified.page, "result": shown},
         review=place_of_verified(shown),
+        may_create_class=given.is_new_class,
     )
     warnings += await asyncio.to_thread(_new_labels, right, adaptation)
     draft = replace(draft, report={**draft.report, "warnings": warnings})
@@ -288,6 +298,7 @@ async def _learn_once(state: AppState, given: _Given) -> StoredFeedback:
             draft,
             changes,
             max_samples=state.settings.max_samples_per_model,
+            max_models=state.settings.max_models,
             undone=tuple(undone.values()),
             seen=given.seen,
         )
@@ -357,12 +368,18 @@ def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[dic
 
 
 def _read_models(
-    store: Store, result_id: str, verified: VerifiedPage[dict[str, Any]], undone: Mapping[str, ModelUndo]
+    store: Store,
+    result_id: str,
+    verified: VerifiedPage[dict[str, Any]],
+    undone: Mapping[str, ModelUndo],
+    *,
+    may_be_new: bool,
 ) -> tuple[list[ModelDocument], list[StoredSample] | None]:
     """Newest versions of the found and the verified class, and samples for a first version of the verified class.
 
-    The found class may have been deleted, or have no version. The samples are None when the verified class has a
-    version, also without the lessons that are taken back (`undone`), or does not exist.
+    The found class may have been deleted, or have no version; the verified class need not exist if it may be new. The
+    samples are None when the verified class has a version, also without the lessons that are taken back (`undone`), or
+    is none.
     """
     models: list[ModelDocument] = []
     samples: list[StoredSample] | None = None
@@ -373,9 +390,11 @@ def _read_models(
         try:
             model = store.model(name)
         except ModelNotFound as error:
-            if is_verified:
+            if is_verified and may_be_new:
+                samples = []
+            elif is_verified:
                 raise ModelNotFound(
-                    f"there is no model {name}; create it with a first sample: POST /layout/models/{name}/samples",
+                    f"there is no model {name}; send `new_class`: true to make it, with this page as its first sample",
                     name,
                 ) from error
             continue

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 from fastapi import Request
 from pydantic import BaseModel, ValidationError
 
+from app.routes.known_options import no_such_option
 from services.errors import InvalidOption, TooLarge
 
 Body = TypeVar("Body", bound=BaseModel)
@@ -56,7 +57,7 @@ def _parsed(body: bytes, model: type[Body]) -> Body:
     try:
         return model.model_validate_json(body)
     except ValidationError as error:
-        raise _told(error) from error
+        raise _told(error, model) from error
 
 
 async def refuse_body(request: Request) -> None:
@@ -92,12 +93,13 @@ def _check_names(body: bytes) -> None:
         return  # pydantic describes what is wrong
 
 
-def _told(error: ValidationError) -> InvalidOption:
+def _told(error: ValidationError, model: type[BaseModel]) -> InvalidOption:
     """Error of the first problem in the body."""
     first = error.errors(include_url=False, include_context=False)[0]
     field = ".".join(map(str, first["loc"]))[:_LONGEST_FIELD] or "body"
     if first["type"] == "extra_forbidden":
-        return InvalidOption(f"{field}: there is no such option.", field)
+        names = _names_of(model, is_nested=len(first["loc"]) > 1)
+        return InvalidOption(f"{field}: {no_such_option(str(first['loc'][-1]), names)}", field)
     if first["type"] == "missing":
         return InvalidOption(f"{field}: it is missing.", field)
     if first["type"] == "json_invalid":
@@ -108,3 +110,10 @@ def _told(error: ValidationError) -> InvalidOption:
     shown = ascii(first["input"])
     shown = shown if len(shown) <= _LONGEST_FIELD else shown[: _LONGEST_FIELD - 3] + "..."
     return InvalidOption(f"{field}: {reason}; got {shown}.", field)
+
+
+def _names_of(model: type[BaseModel], *, is_nested: bool) -> list[str]:
+    """The names that a body may have; those of the objects in it if the unknown one is in one of them."""
+    schema = model.model_json_schema()
+    objects = schema.get("$defs", {}).values() if is_nested else [schema]
+    return list(dict.fromkeys(name for each in objects for name in each.get("properties", {})))

@@ -2,7 +2,7 @@
 
 import types
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
@@ -66,14 +66,15 @@ def _advice(name: str, is_file: bool, files: list[str], names: list[str]) -> str
     """What to do about an unknown part."""
     if is_file:
         return f"there is no such file part; send the file as `{'` or `'.join(files)}`."
+    return no_such_option(name, names, [name for name in names if name not in files])
+
+
+def no_such_option(name: str, names: Sequence[str], listed: Sequence[str] | None = None) -> str:
+    """That an option is unknown, with the one of `names` that is meant, or all that are `listed` (None: all)."""
     similar = get_close_matches(name[:_LONGEST_NAME], names, 1)
-    return (
-        f"there is no such option; did you mean `{similar[0]}`?"
-        if similar
-        else (
-            f"there is no such option. The options are {', '.join(name for name in names if name not in files)}."
-        )
-    )
+    if similar:
+        return f"there is no such option; did you mean `{similar[0]}`?"
+    return f"there is no such option. The options are {', '.join(names if listed is None else listed)}."
 
 
 def with_format(form: Form, format: str | None) -> Form:

@@ -23,7 +23,6 @@ LABELLED_PAGE_BODY: dict[str, Any] = {
                 "schema": {
                     "type": "object",
                     "title": "SampleForm",
-                    "required": ["zones"],
                     "additionalProperties": False,
                     "properties": {
                         "image": {
@@ -34,7 +33,12 @@ LABELLED_PAGE_BODY: dict[str, Any] = {
                         "zones": {
                             "type": "string",
                             "contentMediaType": "application/json",
-                            "description": "The JSON above, as a field or as a file.",
+                            "description": "The JSON above, as a field or as a file; or",
+                        },
+                        "zones_file": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "The labelled zones as a file of PAGE-XML, ALTO or JSON.",
                         },
                     },
                 }
@@ -52,10 +56,11 @@ class MissingPart(DocumentError):
 
 @dataclass(frozen=True, slots=True)
 class LabelledPageUpload:
-    """An uploaded labelled page, for a worker to read."""
+    """An uploaded labelled page, for a worker to read; its zones are JSON, or in any format as `zones_file`."""
 
     image: UploadFile | None
-    zones: UploadFile | bytes
+    zones: UploadFile | bytes | None
+    zones_file: UploadFile | None = None
 
 
 def layout_settings(settings: Settings) -> LayoutSettings:
@@ -86,7 +91,7 @@ def zones_upload(part: UploadFile | str | None, field: str, max_bytes: int) -> U
 
 
 @asynccontextmanager
-async def labelled_page(request: Request, max_zones_bytes: int) -> AsyncIterator[LabelledPageUpload]:
+async def labelled_page(request: Request, settings: Settings) -> AsyncIterator[LabelledPageUpload]:
     """The labelled page in the request's body, JSON or a form. Its files are open inside the block.
 
     Raises
@@ -97,15 +102,15 @@ async def labelled_page(request: Request, max_zones_bytes: int) -> AsyncIterator
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type == "application/json":
         body = await request.body()
-        _check_size(len(body), "zones", max_zones_bytes)
+        _check_size(len(body), "zones", settings.max_zones_bytes)
         yield LabelledPageUpload(None, body)
     elif media_type == "multipart/form-data":
-        most = max_zones_bytes + _SPARE_BYTES
+        most = settings.max_zones_bytes + _SPARE_BYTES
         async with request.form(max_files=8, max_fields=50, max_part_size=most) as form:
-            yield _parts(form, max_zones_bytes)
+            yield _parts(form, settings)
     else:
         raise MissingPart(
-            "Send the labelled page as application/json, or as multipart/form-data with `zones`."
+            "Send the labelled page as application/json, or as multipart/form-data with `zones` or `zones_file`."
         )
 
 
@@ -113,10 +118,10 @@ _SPARE_BYTES = 65_536
 """Bytes over its limit that are still read of a field, so that the error can name the limit."""
 
 
-def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
+def _parts(form: FormData, settings: Settings) -> LabelledPageUpload:
     parts: dict[str, UploadFile | str] = {}
     for name, part in form.multi_items():
-        if name not in {"image", "zones"}:
+        if name not in {"image", "zones", "zones_file"}:
             raise InvalidOption(
                 f"{name[:80]}: there is no such part; send the page as `image`, its labelled zones as `zones`.",
                 name[:80],
@@ -125,13 +130,19 @@ def _parts(form: FormData, max_zones_bytes: int) -> LabelledPageUpload:
             raise InvalidOption(f"{name}: this part was sent more than once; send it once.", name)
         if part != "":  # an empty field of a form counts as absent
             parts[name] = part
-    image = parts.get("image")
-    if isinstance(image, str):
-        raise MissingPart("image: this part must be a file (with a filename).", "image")
-    zones = zones_upload(parts.get("zones"), "zones", max_zones_bytes)
-    if zones is None:
-        raise MissingPart("zones: send the labelled zones as JSON.", "zones")
-    return LabelledPageUpload(image, zones)
+    image, file = parts.get("image"), parts.get("zones_file")
+    for name, given in (("image", image), ("zones_file", file)):
+        if isinstance(given, str):
+            raise MissingPart(f"{name}: this part must be a file (with a filename).", name)
+    zones = zones_upload(parts.get("zones"), "zones", settings.max_zones_bytes)
+    zones_upload(file, "zones_file", settings.max_zones_file_bytes)
+    if zones is None and file is None:
+        raise MissingPart("zones: send the labelled zones as JSON, or as `zones_file`.", "zones")
+    if zones is not None and file is not None:
+        raise InvalidOption("zones_file: send either zones or zones_file, not both.", "zones_file")
+    assert not isinstance(image, str), "checked above"
+    assert not isinstance(file, str), "checked above"
+    return LabelledPageUpload(image, zones, file)
 
 
 async def read_upload(image: UploadFile) -> bytes:

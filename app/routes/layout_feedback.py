@@ -32,6 +32,7 @@ from app.schemas.layout_feedback import (
 )
 from app.schemas.layout_models import ModelName
 from app.schemas.page import Warning
+from models.errors import ResultNotFound
 from models.feedback_records import FeedbackSummary, StoredFeedback
 
 router = APIRouter(tags=["layout feedback"])
@@ -46,7 +47,7 @@ router = APIRouter(tags=["layout feedback"])
             "description": "The stored feedback; a repeated one gets the same response again.",
             "model": Feedback,
         },
-        **documented("conflict", "invalid-model", "not-storable", *READING, *BODY, *WORK),
+        **documented("conflict", "store-full", "invalid-model", "not-storable", *READING, *BODY, *WORK),
     },
     openapi_extra=json_request(FeedbackBody),
 )
@@ -57,8 +58,9 @@ async def give_layout_feedback(
 
     The model of the class adapts at once, and the page becomes one of its samples. If the class was wrong, the model
     of the found class also adapts, so that it fits such pages less. A class that has samples and no model yet gets its
-    first version, from the samples and this page; a class that does not exist is 404. `class` null means that the page
-    belongs to none of the classes. It is then stored as an unknown page, from which new classes may be proposed.
+    first version, from the samples and this page; a class that does not exist is 404, or made with `new_class`. `class`
+    null means that the page belongs to none of the classes. It is then stored as an unknown page, from which new
+    classes may be proposed.
     """
     caller = await require_own_result(request, state, id)
     limit = state.settings.max_zones_bytes
@@ -67,6 +69,8 @@ async def give_layout_feedback(
         request.receive, learn_from_feedback(state, id, caller.scoped(idempotency_key), body, caller.name)
     )
     request.state.seat.release()
+    if body.new_class and feedback.created:
+        await _keep_sample_image(state, feedback)
     warnings = [] if feedback.created else await _without_effect(state, feedback)
     return await answer_json(partial(_answer, feedback, warnings))
 
@@ -118,6 +122,22 @@ async def layout_model_feedback(
     if has_more:
         link_next(request, state, response, feedbacks[-1].id)
     return FeedbackList(model=name, feedback=[_entry(feedback) for feedback in feedbacks])
+
+
+async def _keep_sample_image(state: State, feedback: StoredFeedback) -> None:
+    """The picture of the page as the image of its sample, if one was kept in the size of the page.
+
+    So the first page of a class can be measured again. Images of later samples are those that people have sent.
+    """
+    try:
+        result = (await state.store.call(lambda store: store.result(feedback.result_id))).document["result"]
+        image = result.get("image")
+        if feedback.sample_id is None or image is None or image["width"] != round(result["width"]):
+            return
+        picture = await state.images.picture(feedback.result_id, image["bytes"])
+    except ResultNotFound:  # deleted meanwhile, or it gave way to newer pictures
+        return
+    await state.sample_images.keep({feedback.sample_id: picture})
 
 
 async def _without_effect(state: State, feedback: StoredFeedback) -> list[Warning]:

@@ -154,12 +154,15 @@ async def _store(
     settings = state.settings
     described = SpooledFile(archive, zones.path, settings.max_zones_file_bytes)
     picture = None if image is None else SpooledFile(archive, image.path, settings.max_upload_bytes)
-    document = await state.engine.submit(
-        state.operations.measure_sample, picture, described, layout_settings(settings), True
+    measured = await state.engine.submit(
+        state.operations.measure_sample_file, picture, described, layout_settings(settings)
     )
     sample = await state.store.call(
         lambda store: store.add_sample(
-            name, document, max_samples=settings.max_samples_per_model, max_models=settings.max_models
+            name,
+            measured.document,
+            max_samples=settings.max_samples_per_model,
+            max_models=settings.max_models,
         )
     )
     await state.sample_images.keep({sample.id: b"" if picture is None else await picture.read()})

@@ -19,6 +19,7 @@ from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_n
 from app.routes.state import State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
+from app.schemas.page import Warning
 from models.records import StoredSample
 
 router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"], route_class=FormRoute)
@@ -42,18 +43,23 @@ router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"
 async def add_layout_sample(
     request: Request, state: State, name: ModelName, idempotency_key: IdempotencyKey = None
 ) -> Response:
-    """Add one verified page: its zones with the correct labels, and the image if available.
+    """Add one verified page: its zones with the correct labels (`zones` or `zones_file`), and the image if available.
 
     Missing properties of zones (lines, font size, text) are measured and read in the image. A label that is null or
     absent means that the zone has no label of the model; at least one zone must have a label. The model uses the
     sample after POST /layout/models/{name}/initialize. The image is kept to measure the sample again when segmentation
     improves (MAX_SAMPLE_IMAGES_BYTES).
     """
-    async with labelled_page(request, state.settings.max_zones_bytes) as page:
-        work = state.engine.submit(
-            state.operations.measure_sample, page.image, page.zones, layout_settings(state.settings)
-        )
-        document = await while_connected(request.receive, work)
+    settings, measure = layout_settings(state.settings), state.operations.measure_sample_file
+    async with labelled_page(request, state.settings) as page:
+        warnings = []
+        if page.zones_file is None:
+            zones = state.engine.submit(state.operations.measure_sample, page.image, page.zones, settings)
+            document = await while_connected(request.receive, zones)
+        else:
+            file = state.engine.submit(measure, page.image, page.zones_file, settings)
+            measured = await while_connected(request.receive, file)
+            document, warnings = measured.document, measured.warnings
         picture = b"" if page.image is None else await read_upload(page.image)
     request.state.seat.release()
     sample = await state.store.call(
@@ -67,7 +73,11 @@ async def add_layout_sample(
     )
     await state.sample_images.keep({sample.id: picture})
     answer = SampleReceipt(
-        id=sample.id, model=name, zones=len(sample.document["zones"]), labels=count_labels([sample.document])
+        id=sample.id,
+        model=name,
+        zones=len(sample.document["zones"]),
+        labels=count_labels([sample.document]),
+        warnings=[Warning(**warning) for warning in warnings],
     )
     headers = {"Location": f"/layout/models/{name}/samples/{sample.id}"} if sample.created else {}
     return Response(

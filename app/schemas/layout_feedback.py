@@ -45,12 +45,18 @@ class FeedbackBody(BaseModel):
     class_: NameInBody | None = Field(
         default=None,
         alias="class",
-        description="The document's class; null: none of the existing classes. Absent: the found class is correct.",
+        description="The document's class; null: none of the existing classes. Absent: the class that the result shows "
+        "is correct.",
+    )
+    new_class: bool = Field(
+        default=False,
+        description="true: a class of this name is made if there is none, with this page as its first sample.",
     )
     labels: dict[str, Label | None] = Field(
         default={},
         description="Labels of zones by their ids, in printable characters; null: no label of the model. Absent zones "
-        "keep the found label; if the class was wrong, they take the label that the correct class's model finds.",
+        "keep the label that the result shows; if the class was wrong, they take the label that the correct class's "
+        "model finds.",
     )
 
     texts: dict[str, Annotated[str, Field(min_length=1, max_length=LONGEST_GIVEN_TEXT)]] = Field(
@@ -66,8 +72,10 @@ class FeedbackBody(BaseModel):
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
-        if not self.model_fields_set:
+        if not self.model_fields_set - {"new_class"}:
             raise ValueError("send class, labels, texts or zones")
+        if self.new_class and self.class_ is None:
+            raise ValueError("send the name of the new class as `class`")
         if self.zones is not None and self.labels:
             raise ValueError("send labels either in `zones` or in `labels`, not in both")
         if self.zones is not None and self.texts:

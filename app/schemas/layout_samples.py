@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from app.schemas.page import Answer
+from app.schemas.page import Answer, Warning
 
 
 class Appearance(BaseModel):
@@ -61,6 +61,9 @@ class SampleReceipt(Answer):
     model: str
     zones: int = Field(ge=1)
     labels: dict[str, int] = Field(description="Number of zones with each label.")
+    warnings: list[Warning] = Field(
+        default=[], description="`block-left-out`: a block of `zones_file` that could not be read."
+    )
 
 
 class SampleSummary(Answer):

@@ -13,6 +13,14 @@ second of a day), so that samples and versions say by which one they were measur
 
 
 @dataclass(frozen=True, slots=True)
+class MeasuredSample:
+    """A labelled page in its stored form, and the `warnings` of the HTTP contract about its file of zones."""
+
+    document: dict[str, object]
+    warnings: list[dict[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
 class ModelDraft:
     """A layout model without a version number, and its labels."""
 

@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 from services.contract.images import PageReply
 from services.contract.layout import DocumentReply, LayoutReply, RenderedPages
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
-from services.contract.layout_models import ModelDifference, ModelDraft
+from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft
 
 T = TypeVar("T")
 
@@ -40,6 +40,9 @@ class Operations:
     )
     measure_sample: Operation[dict[str, object]] = Operation(
         "services.operations.layout_models:measure_sample"
+    )
+    measure_sample_file: Operation[MeasuredSample] = Operation(
+        "services.operations.layout_models:measure_sample_file"
     )
     remeasure_sample: Operation[dict[str, object]] = Operation(
         "services.operations.layout_models:remeasure_sample"

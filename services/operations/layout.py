@@ -225,11 +225,11 @@ def measure_page(
             page, fine = read_fine_page(picture, engine, features)
             return MeasuredPage(page, picture, notices, fine, described, kept)
     with timed("zones", timings_ms, seen):
-        page = (
-            read_zones(zones, settings)
-            if zones is not None
-            else read_file(zones_file or b"", picture, settings)
-        )
+        if zones is not None:
+            page = read_zones(zones, settings)
+        else:
+            page, left_out = read_file(zones_file or b"", picture, settings)
+            notices += left_out
         check_frame(page, picture)
         return MeasuredPage(complete_page(page, picture, engine, features), picture, notices, kept=kept)
 

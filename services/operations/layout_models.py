@@ -10,7 +10,7 @@ from typing import Any
 
 from services.arrays import RgbImage
 from services.contract.layout import LayoutSettings
-from services.contract.layout_models import SEGMENTATION, ModelDraft
+from services.contract.layout_models import SEGMENTATION, MeasuredSample, ModelDraft
 from services.errors import DocumentError, InvalidModel, InvalidOption
 from services.imaging.codec import decode_image
 from services.layout.exchange.page_json import page_from_document, page_to_document
@@ -21,7 +21,7 @@ from services.layout.pipeline import complete_sample, content_features, initiali
 from services.operations.page_reading import check_installed
 from services.operations.page_zones import check_frame, exchange_limits, read_file, read_zones
 from services.operations.reader import ocr_engine
-from services.operations.replies import to_json_ready
+from services.operations.replies import describe_warnings, to_json_ready
 
 FOUND = "found"
 """Key of a sample's second view: the zones that segmentation finds in its image, with the verified labels."""
@@ -29,13 +29,11 @@ MEASURED_BY = "segmentation"
 """Key of the name of the segmentation that looked at a sample's image."""
 
 
-def measure_sample(
-    image: bytes | None, zones: bytes, settings: LayoutSettings, any_format: bool = False
-) -> dict[str, object]:
+def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
     """A labelled page with all measurements and texts, as JSON; the key `FOUND` has the page in segmented zones.
 
-    `zones` are JSON of the HTTP contract; with `any_format` perhaps PAGE-XML or ALTO. Content features of zones with
-    text are left out: initialization computes them from the text.
+    `zones` are JSON of the HTTP contract. Content features of zones with text are left out: initialization computes
+    them from the text.
 
     Raises
     ------
@@ -44,10 +42,18 @@ def measure_sample(
     InvalidOption
         When the zones are invalid, have no label, or are not in pixels of the image.
     """
-    page = None if any_format else read_zones(zones, settings)
+    page = read_zones(zones, settings)
+    return _measured(page, None if image is None else decode_image(image, settings.image).pixels, settings)
+
+
+def measure_sample_file(image: bytes | None, zones_file: bytes, settings: LayoutSettings) -> MeasuredSample:
+    """The same for zones in a file of PAGE-XML, ALTO or JSON. Raises as `measure_sample`."""
     picture = None if image is None else decode_image(image, settings.image).pixels
-    if page is None:
-        page = read_file(zones, picture, settings)  # ALTO may need the picture's size
+    page, notices = read_file(zones_file, picture, settings)
+    return MeasuredSample(_measured(page, picture, settings), describe_warnings(notices))
+
+
+def _measured(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:
     if all(zone.label is None for zone in page.zones):
         raise InvalidOption(
             "zones: give at least one zone its label; a page without any teaches nothing.", "zones"

@@ -11,6 +11,7 @@ from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import InvalidLayout, Page
+from services.notices import Notice
 
 
 def read_zones(zones: bytes, settings: LayoutSettings) -> Page:
@@ -23,14 +24,21 @@ def read_zones(zones: bytes, settings: LayoutSettings) -> Page:
         raise InvalidOption("zones: this is not JSON.", "zones") from error
 
 
-def read_file(data: bytes, picture: RgbImage | None, settings: LayoutSettings) -> Page:
-    """The page of a zones file; the size of `picture` is needed when the file does not measure in pixels."""
+def read_file(
+    data: bytes, picture: RgbImage | None, settings: LayoutSettings
+) -> tuple[Page, tuple[Notice, ...]]:
+    """The page of a zones file, and warnings about what was left out of it.
+
+    The size of `picture` is needed when the file does not measure in pixels, or has no size.
+    """
+    notices: list[Notice] = []
     size = None if picture is None else (float(picture.shape[1]), float(picture.shape[0]))
     try:
-        return read_zones_file(data, exchange_limits(settings), size)
+        page = read_zones_file(data, exchange_limits(settings), size, notices.append)
     except InvalidLayout as error:
         within = "" if error.field in {None, "zones_file"} else f"{error.field}: "
         raise InvalidOption(f"zones_file: {within}{error.detail}", "zones_file") from error
+    return page, tuple(notices)
 
 
 def read_kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:

@@ -34,7 +34,7 @@ from services.contract.layout_learning import (
     TrainingReport,
     VerifiedPage,
 )
-from services.contract.layout_models import ModelDifference, ModelDraft, StoredPage
+from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft, StoredPage
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
 from services.contract.rectify import RectifyParameters
@@ -232,13 +232,16 @@ def render_kept_pages(pages: list[KeptPage], format: LayoutFormat, settings: Lay
     return RenderedPages(" | ".join(shown).encode(), LAYOUT_MEDIA_TYPES[format])
 
 
-def measure_sample(
-    image: bytes | None, zones: bytes, settings: LayoutSettings, any_format: bool = False
-) -> dict[str, object]:
+def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
     """Follow the script in the image, then the page as it was sent; in the image the same zones are found."""
     follow(image or b"", "image")
     page = _page(zones)
     return page if image is None else {**page, "found": page}
+
+
+def measure_sample_file(image: bytes | None, zones: bytes, settings: LayoutSettings) -> MeasuredSample:
+    """The same with a warning."""
+    return MeasuredSample(measure_sample(image, zones, settings), [{"code": "file", "detail": "of zones"}])
 
 
 def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:

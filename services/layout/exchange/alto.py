@@ -3,17 +3,17 @@
 Blocks are tagged with their logical labels (`TAGREFS` of a LayoutTag whose LABEL is the label).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.exchange.page_json import check_count, page_from_document
+from services.layout.exchange.page_json import page_of_blocks
 from services.layout.exchange.xml_reading import (
     FIELD,
-    box_of,
     children,
+    hull_of,
     in_reading_order,
     measure_lines,
     number,
@@ -32,6 +32,7 @@ from services.layout.exchange.xml_writing import (
 )
 from services.layout.page import Box, InvalidLayout, Kind, Page, Zone
 from services.layout.recognition.results import LabelledZone, Recognition
+from services.notices import Notice
 
 NAMESPACE = "http://www.loc.gov/standards/alto/ns-v4#"
 SCHEMA = "http://www.loc.gov/standards/alto/v4/alto-4-4.xsd"
@@ -54,6 +55,9 @@ _NOISE = "noise"
 _SPACES = ("TopMargin", "LeftMargin", "RightMargin", "BottomMargin", "PrintSpace")
 _LABEL_TAGS = ("LayoutTag", "StructureTag", "OtherTag")
 """Tags that label blocks: the nearest counts, and OtherTags (kraken, eScriptorium) where there is no other."""
+_NO_LABELS = ("language", "script")
+"""What TYPE or DESCRIPTION of tags begins with that say in what a block is written, not what it is (kraken)."""
+_HYPHENS = ("-", "\u00ac", "\u00ad", "\u2010", "\u2011", "\u2e17")
 _PRINTED_FIGURE = "printed-figure"
 """TYPE of our figures with print within them: an Illustration holds no words."""
 _WHOLE = ("table", _PRINTED_FIGURE)
@@ -68,11 +72,17 @@ _ID = "id"
 """TYPE of the OtherTag with the zone's id, if that is not a valid XML name."""
 
 
-def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, float] | None = None) -> Page:
+def page_of_alto(
+    root: Element,
+    limits: ExchangeLimits,
+    warn: Callable[[Notice], None],
+    pixels: tuple[float, float] | None = None,
+) -> Page:
     """Page of an ALTO document with one page, its zones in its reading order.
 
     The order comes from ReadingOrder, else from IDNEXT, else from the document. `pixels`, width and height of the
-    page's image, is needed when the file measures in tenths of a millimetre or 1/1200 inch, or has no page size. Raises
+    page's image, is needed when the file measures in tenths of a millimetre or 1/1200 inch, or has no size of the page
+    or of its PrintSpace. A block that cannot be read is left out; `warn` gets a warning that names it. Raises
     `InvalidLayout`; `zones[i]` counts the blocks from 0 in document order.
     """
     layout = next(children(root, "Layout"), None) if root.tag == "alto" else None
@@ -83,7 +93,6 @@ def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, flo
     width, height, scale_x, scale_y = _scale(root, page, pixels)
     tags = _tags(root)
     blocks = list(_blocks(page, ()))
-    check_count(len(blocks), limits)
     styles = {style.get("ID", ""): style for style in root.iter("ParagraphStyle")}
     zones = []
     for index, (block, inherited) in enumerate(blocks):
@@ -101,8 +110,8 @@ def page_of_alto(root: Element, limits: ExchangeLimits, pixels: tuple[float, flo
             zone["alignment"] = _ALIGNMENTS.get(style.get("ALIGN", ""))
         zone["line_spacing"] = None if spacing is None else spacing * scale_y
         zones.append(zone)
-    found = page_from_document({"width": width, "height": height, "zones": zones}, limits)
-    elements = [block for block, _ in blocks]
+    found, places = page_of_blocks((width, height), zones, limits, warn)
+    elements = [blocks[place][0] for place in places]
     order = in_reading_order(elements, "ID", _order(root, elements))
     return Page(found.width, found.height, tuple(found.zones[index] for index in order))
 
@@ -113,9 +122,12 @@ def _scale(
     """Width and height of the page in pixels, and pixels per unit along x and y."""
     unit = next((element.text or "" for element in root.iter("MeasurementUnit")), "pixel").strip()
     width, height = number(page.get("WIDTH")), number(page.get("HEIGHT"))
+    if unit == "pixel" and pixels is not None and not (width and height):
+        return pixels[0], pixels[1], 1.0, 1.0
+    if not (width and height):
+        space = next((box for part in children(page, "PrintSpace") if (box := _own_box(part))), None)
+        width, height = (width, height) if space is None else (width or space[2], height or space[3])
     if unit == "pixel":
-        if pixels is not None and not (width and height):
-            return pixels[0], pixels[1], 1.0, 1.0
         return width, height, 1.0, 1.0
     if pixels is None:
         raise InvalidLayout(
@@ -129,11 +141,12 @@ def _scale(
 
 
 def _tags(root: Element) -> dict[str, tuple[str, str, str]]:
-    """Element name, TYPE and LABEL of every tag, by its ID."""
+    """Element name, TYPE and LABEL of every tag, by its ID; without those that name a language or a script."""
     return {
         tag.get("ID", ""): (tag.tag, tag.get("TYPE", ""), tag.get("LABEL", ""))
         for tags in children(root, "Tags")
         for tag in tags
+        if not any(tag.get(name, "").lower().startswith(_NO_LABELS) for name in ("TYPE", "DESCRIPTION"))
     }
 
 
@@ -201,22 +214,28 @@ def _zone_document(
 
 def _box(element: Element) -> list[float] | None:
     """From HPOS, VPOS, WIDTH and HEIGHT, else the Shape, else the lines and words in it."""
-    x, y = number(element.get("HPOS")), number(element.get("VPOS"))
-    width, height = number(element.get("WIDTH")), number(element.get("HEIGHT"))
-    if x is not None and y is not None and width is not None and height is not None:
-        return [x, y, x + max(width, 1.0), y + max(height, 1.0)]
+    own = _own_box(element)
+    if own is not None:
+        return own
     for shape in children(element, "Shape"):
         for polygon in children(shape, "Polygon"):
             return polygon_box(polygon.get("POINTS", ""))
-    inner = [box for box in map(_box, children(element, "TextLine", "String")) if box is not None]
-    if not inner:
+    return hull_of(map(_box, children(element, "TextLine", "String")))
+
+
+def _own_box(element: Element) -> list[float] | None:
+    x, y = number(element.get("HPOS")), number(element.get("VPOS"))
+    width, height = number(element.get("WIDTH")), number(element.get("HEIGHT"))
+    if x is None or y is None or width is None or height is None or min(width, height) < 0:
         return None
-    return box_of([x for box in inner for x in box[0::2]], [y for box in inner for y in box[1::2]])
+    return [x, y, x + max(width, 1.0), y + max(height, 1.0)]
 
 
 def _line_text(line: Element) -> str:
-    words = [word.get("CONTENT", "") for word in children(line, "String")]
-    return " ".join(words) + "".join(hyphen.get("CONTENT", "") for hyphen in children(line, "HYP"))
+    """The words of a line, with the hyphen at its end where the last word does not have it."""
+    text = " ".join(word.get("CONTENT", "") for word in children(line, "String"))
+    hyphen = "".join(each.get("CONTENT", "") for each in children(line, "HYP"))
+    return text if text.endswith(_HYPHENS) else text + hyphen
 
 
 def write_alto(recognition: Recognition, file_name: str, created: datetime) -> bytes:

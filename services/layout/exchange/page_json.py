@@ -4,7 +4,9 @@
 "line_spacing"?, "weight"?, "alignment"?, "appearance"?, "text"?, "content"?, "pieces"?}]}`; other keys are passed over.
 """
 
-from dataclasses import asdict, fields
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, fields, replace
+from itertools import count
 from typing import Any, cast
 
 from services.layout.exchange.limits import ExchangeLimits
@@ -20,6 +22,7 @@ from services.layout.page import (
     Zone,
     is_finite_number,
 )
+from services.notices import Notice
 
 _MOST_LINES = 100_000
 """As many as the page may have pixels."""
@@ -54,6 +57,42 @@ def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
                 f"zones[{index}].id",
             )
     return Page(width, height, zones)
+
+
+def page_of_blocks(
+    size: tuple[float | None, float | None],
+    blocks: Sequence[dict[str, Any]],
+    limits: ExchangeLimits,
+    warn: Callable[[Notice], None],
+) -> tuple[Page, list[int]]:
+    """The page of what another program has described, and the places of the blocks that its zones come from.
+
+    A block that cannot be read is left out, with a warning that names it; of blocks with one id the later ones get
+    another one. Raises `InvalidLayout` for the page's size, for too many blocks, and where no block can be read.
+    """
+    check_count(len(blocks), limits)
+    sides = dict(zip(("width", "height"), size, strict=True))
+    width, height = (_page_side(sides, name, limits) for name in sides)
+    zones: list[Zone] = []
+    places: list[int] = []
+    refusal: InvalidLayout | None = None
+    taken: set[str] = set()
+    for place, block in enumerate(blocks):
+        try:
+            zone = _zone(block, f"zones[{place}]", width, height, limits)
+        except InvalidLayout as error:
+            refusal = refusal or error
+            warn(Notice("block-left-out", f"Block {_shown(block.get('id'))} was left out: {error.detail}"))
+            continue
+        if zone.id in taken:
+            free = (f"{zone.id[: limits.max_id_length - 8]}-{n}" for n in count(2))
+            zone = replace(zone, id=next(name for name in free if name not in taken))
+        taken.add(zone.id)
+        zones.append(zone)
+        places.append(place)
+    if refusal is not None and not zones:
+        raise refusal
+    return Page(width, height, tuple(zones)), places
 
 
 def check_count(zones: int, limits: ExchangeLimits) -> None:

@@ -6,17 +6,18 @@ logical label is in `custom="structure {type:...;}"`, where most tools expect it
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.exchange.page_json import check_count, page_from_document
+from services.layout.exchange.page_json import page_of_blocks
 from services.layout.exchange.xml_reading import (
     FIELD,
     box_of,
     children,
+    hull_of,
     in_reading_order,
     measure_lines,
     number,
@@ -35,6 +36,7 @@ from services.layout.exchange.xml_writing import (
 )
 from services.layout.page import Box, InvalidLayout, Kind, Page, ReadWord
 from services.layout.recognition.results import LabelledZone, Recognition
+from services.notices import Notice
 
 NAMESPACE = "http://schema.primaresearch.org/PAGE/gts/pagecontent/2019-07-15"
 
@@ -96,26 +98,47 @@ _TO_ESCAPE = re.compile(r"[\\{}:;,\s]")
 _ESCAPED = re.compile(r"\\u([0-9a-fA-F]{4})")
 
 
-def page_of_page_xml(root: Element, limits: ExchangeLimits) -> Page:
-    """Page of a PAGE-XML document, its zones in its reading order (else in document order).
+def page_of_page_xml(
+    root: Element,
+    limits: ExchangeLimits,
+    warn: Callable[[Notice], None],
+    pixels: tuple[float, float] | None = None,
+) -> Page:
+    """Page of a PAGE-XML document, its zones in its reading order, else by `readingOrder` of `custom`, else in document
+    order.
 
-    Coords become their bounding boxes. The label is `structure {type:...;}` of `custom`, else PAGE's own `type`
-    (except `other`). Font size and line spacing come from the boxes of the lines if the file does not have them. Raises
-    `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
+    Coords become their bounding boxes; where a region has none, they are those of its parts. The label is
+    `structure {type:...;}` of `custom`, else PAGE's own `type` (except `other`). Font size and line spacing come from
+    the boxes of the lines if the file does not have them. `pixels`, width and height of the page's image, are needed
+    when the file has no size of the page. A region that cannot be read is left out; `warn` gets a warning that names
+    it. Raises `InvalidLayout`; `zones[i]` counts the regions from 0 in document order.
     """
     page = next(children(root, "Page"), None) if root.tag == "PcGts" else None
     if page is None:
         raise InvalidLayout("The file is no PAGE-XML: it has no Page in a PcGts.", FIELD)
     dpi = _resolution(page)
     regions = _regions(page)
-    check_count(len(regions), limits)
-    zones = [_zone_document(region, index, dpi) for index, region in enumerate(regions)]
-    found = page_from_document(
-        {"width": number(page.get("imageWidth")), "height": number(page.get("imageHeight")), "zones": zones},
-        limits,
-    )
-    order = in_reading_order(regions, "id", _references(page))
+    blocks = [_zone_document(region, index, dpi) for index, region in enumerate(regions)]
+    found, places = page_of_blocks(_size(page, pixels), blocks, limits, warn)
+    kept = [regions[place] for place in places]
+    references = _references(page)
+    if references:
+        order = in_reading_order(kept, "id", references)
+    else:
+        order = [kept.index(region) for region in _in_custom_order(kept)]
     return Page(found.width, found.height, tuple(found.zones[index] for index in order))
+
+
+def _size(page: Element, pixels: tuple[float, float] | None) -> tuple[float | None, float | None]:
+    """Width and height of the page: its own, else those of its image, else as far as PrintSpace or Border reach."""
+    width, height = number(page.get("imageWidth")), number(page.get("imageHeight"))
+    if width and height:
+        return width, height
+    reach = pixels or next(
+        (tuple(box[2:]) for part in children(page, "PrintSpace", "Border") if (box := _coords_box(part))),
+        (None, None),
+    )
+    return width or reach[0], height or reach[1]
 
 
 def _regions(parent: Element) -> list[Element]:
@@ -146,13 +169,13 @@ def _group_references(group: Element) -> list[str]:
 def _zone_document(region: Element, index: int, dpi: float | None) -> dict[str, Any]:
     custom = _read_custom(region.get("custom", ""))
     own = custom.get("zone", {})
-    lines = list(children(region, "TextLine"))
+    lines = _in_custom_order(children(region, "TextLine"))
     style = next(children(region, "TextStyle"), None)
     points = number(None if style is None else style.get("fontSize"))
     size, spacing = measure_lines([_coords_box(line) for line in lines])
     zone: dict[str, Any] = {
         "id": own.get("id") or region.get("id") or f"region-{index + 1}",
-        "box": _coords_box(region),
+        "box": _part_box(region),
         "kind": _KINDS[region.tag],
         "label": _label(region, custom),
         "lines": len(lines) or None,
@@ -180,6 +203,27 @@ def _coords_box(region: Element) -> list[float] | None:
     )
 
 
+def _part_box(part: Element) -> list[float] | None:
+    """Box of a region or line: of its Coords, else of its Baseline or of the parts in it."""
+    own = _coords_box(part)
+    if own is not None:
+        return own
+    baseline = next(children(part, "Baseline"), None)
+    inner = [_part_box(each) for each in children(part, "TextLine", "Word", "Glyph", "TableCell", *_KINDS)]
+    return hull_of([*inner, None if baseline is None else polygon_box(baseline.get("points", ""))])
+
+
+def _in_custom_order(parts: Iterable[Element]) -> list[Element]:
+    """The parts by the index that `readingOrder {index:...;}` of their `custom` names, where all of them have one."""
+    listed = list(parts)
+    places = [
+        number(_read_custom(part.get("custom", "")).get("readingOrder", {}).get("index")) for part in listed
+    ]
+    if None in places:
+        return listed
+    return [part for _, part in sorted(zip(places, listed, strict=True), key=lambda each: each[0] or 0.0)]
+
+
 def _label(region: Element, custom: dict[str, dict[str, str]]) -> str | None:
     label = custom.get("structure", {}).get("type")
     if label or "zone" in custom:  # files of this module have labels in `structure` only
@@ -193,20 +237,22 @@ def _alignment(align: str | None) -> str | None:
 
 
 def _text(element: Element) -> str:
-    """Text of a region: its own transcription, else that of its lines (words), or of the regions in it."""
+    """Text of a region: its own transcription, else that of its lines (words), or of the cells and regions in it."""
     equivalents = sorted(
         children(element, "TextEquiv"), key=lambda equivalent: number(equivalent.get("index")) or 0.0
     )
-    own = next((_unicode(equivalent) for equivalent in equivalents), "")
+    own = next(filter(None, map(_transcription, equivalents)), "")
     if own:
         return own
     between = " " if element.tag == "TextLine" else "\n"
-    parts = [_text(part) for part in children(element, "TextLine", "Word", *_KINDS)]
-    return between.join(part for part in parts if part)
+    inner = _in_custom_order(children(element, "TextLine", "Word", "TableCell", *_KINDS))
+    return between.join(filter(None, map(_text, inner)))
 
 
-def _unicode(equivalent: Element) -> str:
-    return next((text.text or "" for text in children(equivalent, "Unicode", "PlainText")), "")
+def _transcription(equivalent: Element) -> str:
+    """Its Unicode, else its PlainText; blank ones count as none."""
+    texts = (text.text or "" for name in ("Unicode", "PlainText") for text in children(equivalent, name))
+    return next((text for text in texts if text.strip()), "")
 
 
 def _resolution(page: Element) -> float | None:

@@ -1,7 +1,7 @@
 """Safe parsing of XML from clients: no DOCTYPE, no declared entities, no network access, bounded size."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from operator import sub
 from statistics import median
 from xml.etree.ElementTree import Element, TreeBuilder
@@ -114,9 +114,20 @@ def box_of(x: list[float], y: list[float]) -> list[float]:
 
 def in_reading_order(zones: list[Element], id_name: str, order: list[str]) -> list[int]:
     """Indices of `zones` as `order` names them, or parts of them, by their ids; what it does not name follows."""
-    index = {part.get(id_name, ""): at for at, zone in enumerate(zones) for part in zone.iter()}
+    index: dict[str, int] = {}
+    for at, zone in enumerate(zones):
+        for part in zone.iter():
+            index.setdefault(part.get(id_name, ""), at)  # of equal ids the first is meant
     named = list(dict.fromkeys(index[name] for name in order if name in index))
     return named + sorted(set(range(len(zones))) - set(named))
+
+
+def hull_of(boxes: Iterable[list[float] | None]) -> list[float] | None:
+    """The box round those boxes that are known; None without one."""
+    known = [box for box in boxes if box is not None]
+    if not known:
+        return None
+    return box_of([x for box in known for x in box[0::2]], [y for box in known for y in box[1::2]])
 
 
 def measure_lines(boxes: list[list[float] | None]) -> tuple[float | None, float | None]:

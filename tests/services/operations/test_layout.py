@@ -27,6 +27,7 @@ from services.operations.layout_models import (
     import_sample,
     initialize_from_samples,
     measure_sample,
+    measure_sample_file,
 )
 from services.operations.layout_result import describe_recognition
 from services.progress import progress_to
@@ -316,7 +317,7 @@ def test_a_class_has_a_bounded_number_of_labels() -> None:
 def test_a_sample_may_be_a_file_of_another_program(model: ModelDocument, image_format: Any) -> None:
     options = LayoutOptions(format=image_format)
     labelled = recognize_upload(None, as_json(LETTERS[2]), None, [model], options, SETTINGS)
-    sample: Any = measure_sample(None, labelled.body, SETTINGS, True)
+    sample: Any = measure_sample_file(None, labelled.body, SETTINGS).document
     zones: Any = labelled.document["zones"]
     assert {zone["id"]: zone["label"] for zone in sample["zones"]} == {
         zone["id"]: zone["label"] for zone in zones

@@ -9,6 +9,7 @@ from services.layout.exchange.alto import write_alto
 from services.layout.exchange.xml_writing import clean
 from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import InvalidLayout, Page, Zone
+from services.notices import Notice
 from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, printed_figure, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_alto
 
@@ -192,7 +193,6 @@ def test_a_page_without_a_size_has_that_of_its_image() -> None:
         (alto("").replace(b"</Layout>", b'<Page ID="q"/></Layout>'), "zones_file"),
         (alto('<TextBlock ID="b"/>'), "zones[0].box"),
         (alto('<TextBlock ID="b" HPOS="x" VPOS="1" WIDTH="1" HEIGHT="1"/>'), "zones[0].box"),
-        (alto(f'<TextBlock ID="b" {PLACE}/><TextBlock ID="b" {PLACE}/>'), "zones[1].id"),
         (alto(f'<TextBlock ID="b" {PLACE} TAGREFS="t"/>', parts=LONG_TAG), "zones[0].label"),
     ],
 )
@@ -200,3 +200,49 @@ def test_what_is_refused(data: bytes, field: str) -> None:
     with pytest.raises(InvalidLayout) as refusal:
         read_zones_file(data, LIMITS)
     assert refusal.value.field == field
+
+
+def test_one_bad_block_costs_that_block() -> None:
+    told: list[Notice] = []
+    bad = '<TextBlock ID="wild" HPOS="5" VPOS="-94923152" WIDTH="61.6" HEIGHT="-48132729"/>'
+    data = alto(f'<TextBlock ID="a" {PLACE}/>{bad}<TextBlock ID="b" {PLACE}/><TextBlock ID="b" {PLACE}/>')
+    zones = read_zones_file(data, LIMITS, warn=told.append).zones
+    assert [zone.id for zone in zones] == ["a", "b", "b-2"]
+    [notice] = told
+    assert (notice.code, "'wild'" in notice.detail) == ("block-left-out", True)
+
+
+def test_the_print_space_gives_the_size_of_a_page_without_one() -> None:
+    space = '<PrintSpace HPOS="100" VPOS="0" WIDTH="1900" HEIGHT="3000">'
+    data = alto(f'<TextBlock ID="b" {PLACE}/>', size="").replace(b"<PrintSpace>", space.encode())
+    page = read_zones_file(data, LIMITS)
+    assert (page.width, page.height) == (2000, 3000)
+    image = read_zones_file(data, LIMITS, pixels=(500.0, 600.0))
+    assert (image.width, image.height) == (500, 600)
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ('<String CONTENT="exa"/><HYP CONTENT="-"/>', "exa-"),
+        ('<String CONTENT="exa-" SUBS_TYPE="HypPart1" SUBS_CONTENT="example"/><HYP CONTENT="-"/>', "exa-"),
+        ('<String CONTENT="exa\u00ac"/><HYP CONTENT="\u00ac"/>', "exa\u00ac"),
+        ('<String CONTENT="an"/><SP/><String CONTENT="exa\u2010"/><HYP CONTENT="-"/>', "an exa\u2010"),
+    ],
+)
+def test_a_line_has_its_hyphen_once(words: str, text: str) -> None:
+    data = alto(f'<TextBlock ID="b" {PLACE}><TextLine>{words}</TextLine></TextBlock>')
+    assert read_zones_file(data, LIMITS).zones[0].text == text
+
+
+@pytest.mark.parametrize(
+    "tag",
+    [
+        '<OtherTag ID="t" TYPE="language" LABEL="deu"/>',
+        '<OtherTag ID="t" DESCRIPTION="language" LABEL="deu"/>',
+        '<LayoutTag ID="t" TYPE="Script" LABEL="Latn"/>',
+    ],
+)
+def test_languages_are_no_labels(tag: str) -> None:
+    data = alto(f'<TextBlock ID="b" {PLACE} TAGREFS="t"/>', parts=f"<Tags>{tag}</Tags>")
+    assert read_zones_file(data, LIMITS).zones[0].label is None

@@ -10,6 +10,7 @@ from services.layout.exchange.page_xml import NAMESPACE, write_page_xml
 from services.layout.exchange.xml_writing import clean
 from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import InvalidLayout, Page, Zone
+from services.notices import Notice
 from tests.services.layout.exchange.pages import CREATED, LIMITS, pages, printed_figure, read_page, recognized
 from tests.services.layout.exchange.schema_rules import faults_of_page_xml
 
@@ -163,7 +164,6 @@ def test_corners_as_until_2010() -> None:
         (page_xml(region("r", points="1,2 3,nan 5,6")), "zones[0].box"),
         (page_xml('<pc:TextRegion id="r"/>'), "zones[0].box"),
         (page_xml(region("r", points="5000,0 6000,9")), "zones[0].box"),
-        (page_xml(region("r") + region("r")), "zones[1].id"),
         (page_xml(region("r", custom="structure {type:\\ud800;}")), "zones[0].label"),
         (page_xml("").replace(b'imageWidth="1000"', b'imageWidth="wide"'), "width"),
         (page_xml("".join(region(f"r{i}") for i in range(501))), "zones"),
@@ -182,3 +182,89 @@ def test_a_page_without_regions_is_one() -> None:
 def test_custom_of_any_length_is_read_in_time() -> None:
     zone = read_zones_file(page_xml(region("r", custom="a" * 1_000_000 + " {" * 1_000_000)), LIMITS).zones[0]
     assert zone.label is None
+
+
+TEXT = "<pc:TextEquiv><pc:Unicode>{}</pc:Unicode></pc:TextEquiv>"
+
+
+def text_line(name: str, place: int, points: str, text: str) -> str:
+    custom = f'custom="readingOrder {{index:{place};}}"'
+    return (
+        f'<pc:TextLine id="{name}" {custom}><pc:Coords points="{points}"/>{TEXT.format(text)}</pc:TextLine>'
+    )
+
+
+def test_one_bad_region_costs_that_region() -> None:
+    told: list[Notice] = []
+    data = page_xml(region("r1") + region("far", points="5000,0 6000,9") + region("r1") + region("r2"))
+    zones = read_zones_file(data, LIMITS, warn=told.append).zones
+    assert [zone.id for zone in zones] == ["r1", "r1-2", "r2"]
+    [notice] = told
+    assert notice.code == "block-left-out"
+    assert "'far'" in notice.detail
+    assert "outside the page" in notice.detail
+
+
+@pytest.mark.parametrize(
+    "coords", ["", "<pc:Coords/>", '<pc:Coords points=""/>', '<pc:Coords points="7,7"/>']
+)
+def test_a_region_without_coordinates_is_where_its_lines_are(coords: str) -> None:
+    """The parts of a region have them: lines, their baselines, the words of lines, regions within."""
+    lines = text_line("a", 0, "10,20 200,50", "one") + text_line("b", 1, "12,60 240,90", "two")
+    inner = '<pc:TextLine id="c"><pc:Baseline points="5,130 90,130"/></pc:TextLine>'
+    data = page_xml(
+        f'<pc:TextRegion id="r">{coords}{lines}{inner}</pc:TextRegion>'
+        f'<pc:TableRegion id="t">{coords}{region("w", points="300,300 350,340")}</pc:TableRegion>'
+    )
+    first, table = read_zones_file(data, LIMITS).zones
+    assert (first.box, first.text) == ((5, 20, 240, 131), "one\ntwo")
+    assert table.box == (300, 300, 350, 340)
+
+
+def test_transcriptions_of_others() -> None:
+    both = "<pc:TextEquiv><pc:PlainText>plain</pc:PlainText><pc:Unicode>the text</pc:Unicode></pc:TextEquiv>"
+    plain = "<pc:TextEquiv><pc:PlainText>only plain</pc:PlainText><pc:Unicode> </pc:Unicode></pc:TextEquiv>"
+    lines = text_line("a", 0, "1,2 30,9", "from lines")
+    second = '<pc:TextEquiv index="1"><pc:Unicode>second best</pc:Unicode></pc:TextEquiv>'
+    cell = '<pc:TableCell row="0" col="{0}" id="c{0}"><pc:Coords points="1,1 9,9"/>{1}</pc:TableCell>'
+    table = cell.format(0, text_line("x", 0, "1,1 9,9", "cell 0")) + cell.format(1, TEXT.format("cell 1"))
+    data = page_xml(
+        region("r1", inside=both)
+        + region("r2", inside=plain)
+        + region("r3", inside=lines + TEXT.format("\n  "))
+        + region("r4", inside=lines + "<pc:TextEquiv><pc:Unicode/></pc:TextEquiv>")
+        + region("r5", inside='<pc:TextEquiv index="0"><pc:Unicode/></pc:TextEquiv>' + second)
+        + region("t", "TableRegion", inside=table)
+    )
+    texts = [zone.text for zone in read_zones_file(data, LIMITS).zones]
+    assert texts == ["the text", "only plain", "from lines", "from lines", "second best", "cell 0\ncell 1"]
+
+
+def test_reading_order_in_custom() -> None:
+    """As Transkribus writes it, of regions and of their lines; a ReadingOrder counts more."""
+    lines = text_line("b", 1, "1,20 90,30", "below") + text_line("a", 0, "1,2 90,12", "above")
+    regions = region("late", custom="readingOrder {index:1;}", inside=lines) + region(
+        "early", custom="readingOrder {index:0;} structure {type:heading;}"
+    )
+    zones = read_zones_file(page_xml(regions), LIMITS).zones
+    assert [(zone.id, zone.label, zone.text) for zone in zones] == [
+        ("early", "heading", ""),
+        ("late", None, "above\nbelow"),
+    ]
+    first = '<pc:RegionRefIndexed index="0" regionRef="late"/>'
+    order = f'<pc:ReadingOrder><pc:OrderedGroup id="g">{first}</pc:OrderedGroup></pc:ReadingOrder>'
+    named = read_zones_file(page_xml(regions, order=order), LIMITS).zones
+    assert [zone.id for zone in named] == ["late", "early"]
+    some = read_zones_file(page_xml(regions + region("without")), LIMITS).zones
+    assert [zone.id for zone in some] == ["late", "early", "without"]
+
+
+def test_a_page_without_a_size_has_that_of_its_print_space() -> None:
+    bare = page_xml(region("r")).replace(b'imageWidth="1000" imageHeight="2000"', b"")
+    with pytest.raises(InvalidLayout) as refusal:
+        read_zones_file(bare, LIMITS)
+    assert refusal.value.field == "width"
+    assert read_zones_file(bare, LIMITS, pixels=(800.0, 900.0)).width == 800
+    space = b'<pc:PrintSpace><pc:Coords points="0,0 1500,0 1500,1700 0,1700"/></pc:PrintSpace><pc:TextRegion'
+    read = read_zones_file(bare.replace(b"<pc:TextRegion", space, 1), LIMITS)
+    assert (read.width, read.height) == (1500, 1700)
