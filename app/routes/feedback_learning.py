@@ -394,7 +394,8 @@ def _read_models(
                 samples = []
             elif is_verified:
                 raise ModelNotFound(
-                    f"there is no model {name}; send `new_class`: true to make it, with this page as its first sample",
+                    f"there is no model {name}; send `new_class`: true to make it from this page, or create it with a "
+                    f"first sample: POST /layout/models/{name}/samples",
                     name,
                 ) from error
             continue

@@ -94,8 +94,9 @@ def _check_names(body: bytes) -> None:
 
 
 def _told(error: ValidationError, model: type[BaseModel]) -> InvalidOption:
-    """Error of the first problem in the body."""
-    first = error.errors(include_url=False, include_context=False)[0]
+    """Error of the first problem in the body; a name that does not exist comes before one that is missing."""
+    problems = error.errors(include_url=False, include_context=False)
+    first = next((each for each in problems if each["type"] == "extra_forbidden"), problems[0])
     field = ".".join(map(str, first["loc"]))[:_LONGEST_FIELD] or "body"
     if first["type"] == "extra_forbidden":
         names = _names_of(model, is_nested=len(first["loc"]) > 1)

@@ -23,6 +23,7 @@ LABELLED_PAGE_BODY: dict[str, Any] = {
                 "schema": {
                     "type": "object",
                     "title": "SampleForm",
+                    "anyOf": [{"required": ["zones"]}, {"required": ["zones_file"]}],
                     "additionalProperties": False,
                     "properties": {
                         "image": {

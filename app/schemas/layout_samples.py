@@ -62,7 +62,9 @@ class SampleReceipt(Answer):
     zones: int = Field(ge=1)
     labels: dict[str, int] = Field(description="Number of zones with each label.")
     warnings: list[Warning] = Field(
-        default=[], description="`block-left-out`: a block of `zones_file` that could not be read."
+        default=[],
+        exclude_if=lambda warnings: not warnings,
+        description="`block-left-out`: a block of `zones_file` that could not be read. Absent: none.",
     )
 
 

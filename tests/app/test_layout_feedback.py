@@ -210,6 +210,51 @@ def test_a_result_without_a_class(client: httpx.Client, data_dir: Path) -> None:
     assert [(m["name"], m["old_version"], m["new_version"]) for m in told["models"]] == [("letter", 2, 3)]
 
 
+def test_a_new_class_begins_with_the_page(client: httpx.Client) -> None:
+    body = {"class": "circular", "new_class": True, "labels": {"z1": "title", "z2": None}}
+    result = recognize(client)
+    problem = assert_problem(give(client, result, {**body, "new_class": False}), 404, "not-found")
+    assert "new_class" in str(problem["detail"])
+    told = answer(give(client, result, body))
+    assert told["class"] == {"found": "letter", "verified": "circular"}
+    made = next(model for model in told["models"] if model["name"] == "circular")
+    assert (made["old_version"], made["new_version"]) == (None, 1)
+    [sample] = client.get("/layout/models/circular/samples").json()["samples"]
+    assert sample["id"] == told["sample"]
+    shown = client.get(f"/layout/results/{result}").json()
+    assert (shown["class"]["name"], shown["found"]["class"]) == ("circular", "letter")
+    [listed] = client.get("/layout/results", params={"state": "corrected"}).json()["results"]
+    assert (listed["id"], listed["class"]) == (result, "circular")
+    # There is such a class now: the next page teaches it.
+    later = answer(give(client, recognize(client, "letter"), body))
+    assert {model["name"]: model["new_version"] for model in later["models"]}["circular"] == 2
+    undone = client.delete(f"/layout/results/{result}/feedback")
+    assert undone.status_code == 200, undone.text
+    for wrong, field in (
+        ({"new_class": True, "labels": {"z1": "title"}}, "body"),
+        ({"new_class": True, "class": None}, "body"),
+        ({"new_class": True, "class": "other", "labels": {"z1": None, "z2": None}}, "labels"),
+    ):
+        problem = assert_problem(give(client, recognize(client), wrong), 422, "invalid-option")
+        assert problem["field"] == field
+    assert client.get("/layout/models/other").status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ({"lables": {}}, "did you mean `labels`?"),
+        ({"klass": "letter"}, "did you mean `class`?"),
+        ({"q": 1}, "The options are class, new_class, labels, texts, zones."),
+        ({"zones": [{"box": [0, 0, 1, 1], "lable": "date"}]}, "did you mean `label`?"),
+    ],
+)
+def test_names_that_are_nearly_right(shared: tuple[httpx.Client, str], body: Any, told: str) -> None:
+    client, result = shared
+    problem = assert_problem(give(client, result, body), 422, "invalid-option")
+    assert str(problem["detail"]).endswith(told)
+
+
 @pytest.mark.parametrize(
     ("body", "field"),
     [

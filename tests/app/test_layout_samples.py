@@ -71,6 +71,20 @@ def test_a_sample_with_its_image(client: httpx.Client, as_file: bool) -> None:
     assert alone.json()["id"] != response.json()["id"]
 
 
+def test_a_sample_as_a_file_of_another_program(client: httpx.Client) -> None:
+    zones = json.dumps(labelled("sender")).encode()
+    response = client.post(PATH, files={"image": upload(""), "zones_file": ("page.xml", zones)})
+    assert response.status_code == 201
+    assert response.json()["warnings"] == [{"code": "file", "detail": "of zones"}]
+    assert client.post(PATH, files={"zones_file": ("page.xml", zones)}).status_code == 201
+    for files, field in (
+        ({"zones": (None, zones), "zones_file": ("page.xml", zones)}, "zones_file"),
+        ({"zones_file": (None, zones)}, "zones_file"),
+        ({"image": upload("")}, "zones"),
+    ):
+        assert client.post(PATH, files=files).json()["field"] == field
+
+
 def test_the_list_of_samples(client: httpx.Client) -> None:
     ids = [client.post(PATH, json=labelled(*["sender"] * count)).json()["id"] for count in (1, 2, 3)]
     answer = client.get(PATH).json()

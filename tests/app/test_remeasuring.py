@@ -66,3 +66,17 @@ def test_all_samples_with_images_are_measured_again(
         sample = client.get(f"/layout/models/letter/samples/{ids[0]}").json()
         assert sample["segmentation"] == f"of {len(picture)} bytes"
         assert client.get(f"/layout/models/letter/samples/{ids[1]}").json()["segmentation"] is None
+
+
+def test_the_first_page_of_a_new_class_keeps_its_picture(tmp_path: Path) -> None:
+    """Feedback that makes a class has no upload; the picture of the result is the image of the sample."""
+    with serving(data_dir=tmp_path, blob_url="") as client:
+        kept = {}
+        for name, keep in (("new", "true"), ("other", "false")):
+            sent = client.post("/layout", files={"image": upload("")}, data={"keep_image": keep}).json()
+            body = {"class": name, "new_class": True, "labels": {"z1": "title", "z2": None}}
+            told = client.post(f"/layout/results/{sent['id']}/feedback", json=body).json()
+            kept[told["sample"]] = sent["image"]
+    with_picture = {sample: image["bytes"] for sample, image in kept.items() if image}
+    assert images(tmp_path) == with_picture
+    assert len(with_picture) == 1

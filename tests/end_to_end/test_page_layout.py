@@ -160,8 +160,62 @@ def test_a_new_class_begins_with_the_page(visit: Visit, learned: httpx.Client, l
     page.get_by_label("Name of the new kind").fill("circular")
     page.get_by_role("button", name="Confirm").click()
     expect(page.locator(".answer")).to_contain_text("circular is new")
+    expect(page.get_by_label("Class", exact=True)).to_have_value("circular")
+    [made] = learned.get("/layout/results", params={"limit": 1}).json()["results"]
+    assert (made["state"], made["class"]) == ("corrected", "circular")
     learned.delete("/layout/models/circular").raise_for_status()
     visit.check()
+
+
+def test_a_page_of_no_class_is_given_one(visit: Visit, learned: httpx.Client) -> None:
+    """The view asks for the class; what was said is then shown, in the list too."""
+    zones = [
+        {"id": f"z{n}", "box": [100 + 9 * n, 1300 - 90 * n, 180 + 40 * n, 1380 - 90 * n], "text": "7"}
+        for n in range(14)
+    ]
+    found = learned.post("/layout", data={"zones": json.dumps(page_of(zones))}).json()
+    assert found["class"] is None
+    page = visit.page
+    sent: list[str] = []
+    page.on("request", lambda request: sent.append(request.url) if request.method == "POST" else None)
+    page.goto(f"{learned.base_url}#layout/{found['id']}")
+    page.reload()
+    class_ = page.get_by_label("Class", exact=True)
+    expect(class_.locator("option:checked")).to_have_text("choose its class…")
+    zone_of(visit, 0).click()
+    page.get_by_label("Label", exact=True).select_option(label="another name…")
+    page.get_by_label("Another name", exact=True).fill("subject")
+    page.get_by_label("Another name", exact=True).press("Enter")
+    page.get_by_role("button", name="Confirm").click()
+    expect(page.get_by_role("alert")).to_contain_text("Which class")
+    class_.select_option(label="another name…")
+    page.get_by_label("Name of the new kind").fill(".not a name")
+    page.get_by_role("button", name="Confirm").click()
+    expect(page.get_by_role("alert")).to_contain_text("needs a name")
+    assert sent == [], "nothing is done before the class is known"
+    before = version(learned, "memo")
+    class_.select_option("memo")
+    page.get_by_role("button", name="Confirm").click()
+    expect(page.locator(".learned")).to_contain_text("none was found, memo is right")
+    expect(page.get_by_text("memo, 100 % (found: no class")).to_be_visible()
+    assert version(learned, "memo") == before + 1
+    shown = learned.get(f"/layout/results/{found['id']}").json()
+    assert (shown["class"]["name"], shown["found"]["class"]) == ("memo", None)
+    assert sum(one["label"] == "subject" for one in shown["zones"]) >= 1
+    listed = learned.get("/layout/results", params={"state": "corrected"}).json()["results"]
+    assert (found["id"], "memo") in [(one["id"], one["class"]) for one in listed]
+    page.get_by_role("button", name="Take the feedback back").click()
+    expect(page.locator(".answer")).to_contain_text("Taken back")
+    expect(class_.locator("option:checked")).to_have_text("choose its class…")
+    class_.select_option("")
+    page.get_by_role("button", name="Confirm").click()
+    expect(page.locator(".learned")).to_contain_text("nothing was learned")
+    assert violations(page) == []
+    visit.check()
+
+
+def zone_of(visit: Visit, place: int) -> Locator:
+    return visit.page.locator(".zone").nth(place)
 
 
 def page_of(zones: list[dict[str, Any]]) -> dict[str, Any]:

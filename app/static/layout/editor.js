@@ -9,6 +9,7 @@ import { Zones } from "./zones.js";
 
 const NONE = ""; // value of an option that means null
 const OTHER = "\u0000other";
+const ASK = "\u0000ask"; // no class was found, and the person has not said which it is
 const MOVE = 4; // pixels of the page by an arrow key with Alt
 const HELP =
   "On a zone: Tab or arrow keys go to another one; a digit or first letters give it a label, 0 none; Delete removes it; " +
@@ -16,11 +17,11 @@ const HELP =
 
 export class PageEditor {
   /**
-   * `actions` are further buttons beside Confirm; `onConfirmed` is called with the answer to the feedback. `submit(name,
-   * zones)` takes the place of the feedback, for pages that have no result; it resolves to what is shown then.
+   * `actions` are further buttons beside Confirm; `onConfirmed` is called with the answer to the feedback, `onResult` with
+   * the result as feedback has left it. `submit(name, zones)` takes the place of the feedback, for pages that have no result; it resolves to what is shown then.
    */
-  constructor({ actions = [], onConfirmed, submit } = {}) {
-    Object.assign(this, { onConfirmed, submit });
+  constructor({ actions = [], onConfirmed, onResult, submit } = {}) {
+    Object.assign(this, { onConfirmed, onResult, submit });
     this.viewer = new PageViewer();
     this.keys = new LabelKeys();
     this.label = select([], null, () => this.chooseLabel());
@@ -70,7 +71,7 @@ export class PageEditor {
 
   /** Shows a LayoutResult; `picture` is its address, null for a white page. */
   async open(result, picture) {
-    this.result = result;
+    Object.assign(this, { result, picture });
     this.zones = new Zones(result);
     this.selected = null;
     this.viewer.selected = null;
@@ -93,7 +94,9 @@ export class PageEditor {
     const names = [...likely.keys(), ...this.models.map(({ name }) => name).filter((name) => !likely.has(name))];
     const options = names.map((name) => [name, likely.has(name) ? `${name} (${percent(likely.get(name))})` : name]);
     const none = this.result.classes.length ? ` (${percent(this.result.unknown_probability)})` : "";
-    setOptions(this.class_, [...options, [NONE, `none of these${none}`], [OTHER, "another name…"]], this.foundClass ?? NONE);
+    const isKnown = this.foundClass !== null || this.result.found; // a person may have said that it is none of these
+    const ask = isKnown ? [] : [[ASK, "choose its class…"]];
+    setOptions(this.class_, [...ask, ...options, [NONE, `none of these${none}`], [OTHER, "another name…"]], isKnown ? (this.foundClass ?? NONE) : ASK);
     this.otherClass.hidden = true;
   }
 
@@ -207,17 +210,31 @@ export class PageEditor {
     event.preventDefault();
   }
 
+  /** The chosen class, null for none of these; undefined after the person was asked for what is missing. */
+  chosenClass() {
+    const ask = (field, what) => {
+      this.answer.replaceChildren(make("p", { class: "bad", role: "alert" }, what));
+      field.focus();
+    };
+    if (this.class_.value === ASK) return ask(this.class_, "Which class is this page of? Choose one, or “none of these”, or give a new kind its name. Labels are learned by a class.");
+    if (this.class_.value !== OTHER) return this.class_.value === NONE ? null : this.class_.value;
+    const input = this.otherClass.querySelector("input");
+    const name = input.value.trim();
+    if (!name || !new RegExp(`^(?:${input.pattern})$`).test(name)) return ask(input, "The new kind needs a name of letters, digits, dots, hyphens and underscores, which does not begin with a dot. Nothing was sent.");
+    return name;
+  }
+
   /** Sends the feedback: the class and the zones as they are now. */
   async send() {
     if (this.isSending) return;
+    const chosen = this.chosenClass();
+    if (chosen === undefined) return;
     this.isSending = true;
     this.confirm.setAttribute("aria-disabled", "true");
     this.answer.replaceChildren(make("p", {}, "The models learn…"));
     try {
-      const chosen = this.class_.value === OTHER ? this.otherClass.querySelector("input").value.trim() : this.class_.value;
       if (this.submit) await this.hand(chosen);
-      else if (this.class_.value === OTHER) await this.makeClass(chosen);
-      else await this.teach(chosen === NONE ? null : chosen);
+      else await this.teach(chosen, this.class_.value === OTHER);
     } catch (error) {
       this.answer.replaceChildren(problemNote(error));
     } finally {
@@ -226,12 +243,24 @@ export class PageEditor {
     }
   }
 
-  async teach(name) {
+  /** Sends the feedback; a new class begins with the page. */
+  async teach(name, isNew) {
     const path = `layout/results/${this.result.id}/feedback`;
-    const feedback = await post(path, { class: name, ...this.zones.feedback() });
-    this.answer.replaceChildren(await learnedNote(feedback), make("p", {}, this.takeBack));
+    const feedback = await post(path, { class: name, ...(isNew ? { new_class: true } : {}), ...this.zones.feedback() });
+    const isFirst = feedback.models.some((model) => model.name === name && model.old_version === null);
+    const news = isNew && isFirst ? [make("p", {}, `The class ${name} is new.`)] : [];
+    const note = await learnedNote(feedback);
+    await this.reload();
+    this.answer.replaceChildren(...news, note, make("p", {}, this.takeBack));
     notify("Confirmed.");
     this.onConfirmed?.(feedback);
+  }
+
+  /** Shows the result as it is now. */
+  async reload() {
+    const result = await get(`layout/results/${encodeURIComponent(this.result.id)}`);
+    await this.open(result, this.picture);
+    this.onResult?.(result);
   }
 
   async hand(name) {
@@ -244,27 +273,12 @@ export class PageEditor {
     return this.zones.list.map(({ id, box, label, text, kind, font_size, lines }) => ({ id, box, label, text, kind, font_size, lines }));
   }
 
-  /** The page as the first sample of a new class, and the class's first model. */
-  async makeClass(name) {
-    const { width, height } = this.result;
-    const zones = this.labelledZones();
-    const path = `layout/models/${encodeURIComponent(name)}`;
-    await post(`${path}/samples`, { width, height, zones });
-    const model = await post(`${path}/initialize`);
-    this.answer.replaceChildren(make("p", {}, `The class ${name} is new; its model is version ${model.version}. `));
-    this.models = (await get("layout/models")).models;
-    this.result = { ...this.result, classes: this.result.classes };
-    this.listClasses();
-    this.class_.value = name;
-    notify(`The class ${name} is new.`);
-    this.onConfirmed?.(null);
-  }
-
   /** Removes the influence of this page from all models. */
   async undoFeedback() {
     try {
       const undone = await (await request("DELETE", `layout/results/${this.result.id}/feedback`)).json();
       const names = undone.models.map(({ name, new_version: version }) => `${name} (version ${version ?? "none"})`);
+      await this.reload();
       this.answer.replaceChildren(make("p", {}, `Taken back. Changed: ${names.join(", ") || "no model"}.`));
       notify("The feedback is taken back.");
     } catch (error) {

@@ -32,8 +32,11 @@ export async function learnedNote(feedback) {
     lines.push(`Class: ${feedback.class.found ?? "none"} was found, ${feedback.class.verified ?? "none"} is right.`);
   }
   const { wrong } = feedback;
-  lines.push(wrong.length ? `${wrong.length} of ${feedback.zones} labels were wrong.` : `All ${feedback.zones} labels were right.`);
+  if (feedback.class.verified === null) lines.push("The page is of none of the classes, so nothing was learned from its labels. It is among the unknown documents (Models).");
+  else lines.push(wrong.length ? `${wrong.length} of ${feedback.zones} labels were wrong.` : `All ${feedback.zones} labels were right.`);
   for (const { zone, found, verified } of wrong) lines.push(`Zone ${zone}: ${quoted(found)} is ${quoted(verified)}.`);
+  if (feedback.class.verified !== null && feedback.sample === null) lines.push("The page was not added to the samples of the class: these are as many as it may have.");
+  if (!feedback.models.length) lines.push("No model has changed.");
   const parts = [make("ul", {}, lines.map((line) => make("li", {}, line)))];
   for (const model of feedback.models) {
     const from = model.old_version === null ? "is new" : `was version ${model.old_version}`;

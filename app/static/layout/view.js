@@ -21,7 +21,7 @@ export function createView() {
   const fields = make("div", {});
   const notes = make("div", {});
   const next = button("Recognize another", () => file.click(), "quiet");
-  const editor = new PageEditor({ actions: [next] });
+  const editor = new PageEditor({ actions: [next], onResult: (result) => tell(result) });
   const form = make(
     "form",
     { class: "panel", onsubmit: recognize, ondragover: (event) => event.preventDefault(), ondrop: dropped },
@@ -81,12 +81,20 @@ export function createView() {
     const isPhoto = photo.firstElementChild.checked;
     const single = sheets.length === 1 && files.length === 1 && !isPhoto && (await sizeOf(files[0])) ? files[0] : null;
     const picture = single ? URL.createObjectURL(single) : await keptPicture(result);
-    const kind = result.class ? `${result.class.name}, ${Math.round(result.class.probability * 100)} %` : "no class";
-    facts.textContent = `${kind}; ${result.zones.length} zones.`;
     editor.element.hidden = false;
     await editor.open(result, picture);
+    notify(`${tell(result)}. ${result.zones.length} zones.`);
+  }
+
+  /** Shows what a result says beside its zones; returns its class in words. */
+  function tell(result) {
+    const shown = sheets.findIndex(({ id }) => id === result.id);
+    if (shown >= 0) sheets[shown] = result;
+    const kind = result.class ? `${result.class.name}, ${Math.round(result.class.probability * 100)} %` : "no class";
+    const found = result.found ? ` (found: ${result.found.class ?? "no class"}, ${Math.round(result.found.probability * 100)} %)` : "";
+    facts.textContent = `${kind}${found}; ${result.zones.length} zones.`;
     fields.replaceChildren(fieldTable(result.fields ?? []));
-    notify(`${kind}. ${result.zones.length} zones.`);
+    return kind;
   }
 
   /** A stored result: `#layout/01M7...`. */

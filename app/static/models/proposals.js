@@ -71,14 +71,14 @@ function splitItem(split, place, onChange) {
 
 /** Gives every page of a group the labels of one of them; the labelled pages, the given one first. */
 export async function carriedOver(page, zones, group) {
-  const labelled = [{ id: page.id, width: page.width, height: page.height, zones }];
+  const labelled = [{ id: page.id, result: page.result, width: page.width, height: page.height, zones }];
   const labels = new Map(zones.map((zone) => [zone.id, zone.label]));
   for (const id of group?.pages ?? []) {
     if (id === page.id) continue;
     const other = await get(`layout/unknown-pages/${id}`);
     const same = new Map(group.recurring_zones.filter((one) => one[id] && one[page.id]).map((one) => [one[id], labels.get(one[page.id]) ?? null]));
     const theirs = other.zones.map((zone) => ({ ...zone, label: same.get(String(zone.id)) ?? null }));
-    if (theirs.some(({ label }) => label !== null)) labelled.push({ id, width: other.width, height: other.height, zones: theirs });
+    if (theirs.some(({ label }) => label !== null)) labelled.push({ id, result: other.result, width: other.width, height: other.height, zones: theirs });
   }
   return labelled;
 }

@@ -2,7 +2,7 @@
 
 import { button, make, notify, when } from "../elements.js";
 import { PageEditor } from "../layout/editor.js";
-import { pictureOf } from "../layout/picture.js";
+import { pictureOf, postSample } from "../layout/picture.js";
 import { get, post, request } from "../service.js";
 import { carriedOver } from "./proposals.js";
 import { acting, table } from "./tables.js";
@@ -46,7 +46,7 @@ export class UnknownPages {
   /** The page, and those of its group, become samples of the class; its model is made from them. */
   async submit(name, zones) {
     const pages = await carriedOver(this.page, zones, this.group);
-    for (const { width, height, zones: theirs } of pages) await post(`layout/models/${encodeURIComponent(name)}/samples`, { width, height, zones: theirs });
+    for (const page of pages) await postSample(name, page, page.result);
     const made = await post(`layout/models/${encodeURIComponent(name)}/initialize`);
     for (const { id } of pages) await request("DELETE", `layout/unknown-pages/${id}`);
     notify(`${name} has ${made.samples} samples.`);
