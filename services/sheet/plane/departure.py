@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.photo_frame import PhotoFrame
-from services.order_statistics import median
 from services.robust import cauchy_weights, robust_scale
 from services.sheet.developable.observations import LineObservations
 from services.texture_flow.field import FlowSamples, angle_difference
@@ -183,26 +182,20 @@ def _convergence(at: Points, samples: FlowSamples, mean_rad: float, across: int)
     Along themselves they may change too, by a bend. Slanted type leans the same all over.
     """
     off = angle_difference(samples.angles, mean_rad)
-    # From parallel directions: a paragraph in italics at the foot of a page is no convergence.
-    start = np.array([median(off), 0.0, 0.0])
-    terms = np.column_stack([np.ones(len(at)), at])
-    found, covariance = _fit(terms, off, np.sqrt(samples.weights), start=start)
+    found, covariance = _fit(np.column_stack([np.ones(len(at)), at]), off, np.sqrt(samples.weights))
     return Measured(float(found[1 + across]), float(np.sqrt(covariance[1 + across, 1 + across])))
 
 
-def _fit(
-    terms: Floats, values: Vector, weights: Vector, prior: int | None = None, start: Vector | None = None
-) -> tuple[Vector, Floats]:
+def _fit(terms: Floats, values: Vector, weights: Vector, prior: int | None = None) -> tuple[Vector, Floats]:
     """Coefficients (P,) of `terms` (N, P) for `values` (N,) under Cauchy's loss, and their covariance (P, P).
 
-    The loss is that about `start`, else that about the least squares, at first. Those from number `prior` on have a
-    prior of `BEND_DEVIATION`: short lines do not show all of them.
+    Those from number `prior` on have a prior of `BEND_DEVIATION`: short lines do not show all of them.
     """
     held = np.zeros(terms.shape[1])
     if prior is not None:
         held[prior:] = BEND_DEVIATION**-2
-    found: Vector = np.zeros(terms.shape[1]) if start is None else start
-    scale = np.inf if start is None else max(robust_scale(weights * (values - terms @ found)), 1e-9)
+    found: Vector = np.zeros(terms.shape[1])
+    scale = np.inf
     for _ in range(ROUNDS):
         rest = weights * (values - terms @ found)
         loss = np.ones(len(rest)) if np.isinf(scale) else cauchy_weights(rest, LOSS_SCALE * scale)
