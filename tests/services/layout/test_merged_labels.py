@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from services.contract.layout_learning import VerifiedPage
+from services.imaging.channels import luminance
 from services.layout.content.content_features import content_features
 from services.layout.learning.feedback import adapt_models
 from services.layout.model.layout_model import LayoutModel
@@ -12,11 +13,13 @@ from services.layout.pipeline import (
     VersionedModel,
     complete_recognition,
     complete_sample,
+    fine_page,
     initialize_model,
-    read_fine_page,
+    read_words,
     recognize,
 )
 from services.layout.recognition.results import Recognition
+from services.layout.segmentation import FinePage
 from simulation import invented
 from simulation.labelled_zones import LabelledPage, ZoneSetter
 from tests.services.layout.test_pipeline import TruthfulEngine, bare, rgb
@@ -57,8 +60,13 @@ def learned(kind: str, samples: int) -> LayoutModel:
     return initialize_model("order", [verified for verified, _ in views], found=[found for _, found in views])
 
 
+def segmented(page: LabelledPage) -> tuple[Page, FinePage]:
+    image = rgb(page)
+    return fine_page(image, read_words(luminance(image), TruthfulEngine(page)))
+
+
 def recognized(page: LabelledPage, model: LayoutModel) -> Recognition:
-    own, fine = read_fine_page(rgb(page), TruthfulEngine(page))
+    own, fine = segmented(page)
     models = [VersionedModel(model, 1)]
     return complete_recognition(fine, recognize(own, models), models)
 
@@ -77,7 +85,7 @@ def test_from_samples(kind: str, samples: int) -> None:
     model = learned(kind, samples)
     assert all(node.pieces.merged == samples for node in model.nodes if node.label in STACKS[kind])
     pages = [form(kind, seed) for seed in (10, 12)]
-    blocks = [len(read_fine_page(rgb(page), TruthfulEngine(page))[1].blocks) for page in pages]
+    blocks = [len(segmented(page)[1].blocks) for page in pages]
     assert sum(blocks) < sum(len(page.zones) for page in pages), "segmentation merges some of them"
     for page in pages:
         expected = [(zone.label, zone.lines) for zone in page.zones if zone.label in STACKS[kind]]
