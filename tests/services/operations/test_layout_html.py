@@ -130,7 +130,7 @@ def test_dates_are_machine_readable() -> None:
 def eyes(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (layout, layout_documents):
         monkeypatch.setattr(module, "ocr_engine", lambda language: None)
-    monkeypatch.setattr(layout, "read_fine_page", lambda *_: (PAGE, None))
+    monkeypatch.setattr(layout, "fine_page", lambda *_: (PAGE, None))
 
 
 @pytest.mark.usefixtures("eyes")
