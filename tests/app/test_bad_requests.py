@@ -85,8 +85,8 @@ SAMPLES = [
 ]  # fmt: skip
 RESULTS = [
     other("an unknown result", "GET /layout/results/1", None, "1", 404),
-    other("a result as XML", f"GET {RESULT}", None, "application/json", 406, headers={"Accept": "application/xml"}),
-    other("a result in another format", f"GET {RESULT}?format=alto", "format", "should be 'json' or 'html'"),
+    other("a result as TIFF", f"GET {RESULT}", None, "application/json", 406, headers={"Accept": "image/tiff"}),
+    other("a result in another format", f"GET {RESULT}?format=gif", "format", "'pagexml'"),
     other("a result changed", f"PUT {RESULT}", None, "`Allow`", 405, json={}),
     other("feedback that is no JSON", f"POST {RESULT}/feedback", "body", "not valid JSON", content=b"{"),
     other("feedback that is a list", f"POST {RESULT}/feedback", "body", "object", json=[]),
