@@ -1,15 +1,23 @@
 """Options of /rectify."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from services.contract.cameras import CameraMemory
+from services.errors import InvalidOption
 
 PageKind = Literal["auto", "planar", "curved"]
-Illumination = Literal["keep", "normalize"]
+Illumination = Literal["keep", "normalize", "gray", "bw"]
+"""`gray` and `bw` (black and white) are looks of a scanner; the light is evened out before."""
 Crop = Literal["sheet", "text", "photo"]
 Pages = Literal["main", "both"]
 OnNoText = Literal["refuse", "keep"]
+Rotation = Literal[0, 90, 180, 270]
+"""A clockwise turn in degrees."""
+Corners = tuple[tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]]
+"""Four points of the photo, clockwise from the page's top left."""
+MOST_MARGIN = 20.0
+"""Percent of the page's width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +28,14 @@ class RectifyParameters:
     the visible area: the sheet cut at its edges, the text with margins, or the photo around the page. `pages` "both"
     selects both pages of an open book. `paper` is `auto`, `none`, a paper format, or `210x297` in millimetres. `text`
     reads the page in `language` (`eng+fra`; None: the default). `on_no_text` "keep" passes a photo through as it is
-    when nothing shows the shape of its page. `preview` describes the page from a reduced photo and draws nothing.
-    `camera` names the camera, None: as EXIF names it; `cameras` are those that are remembered.
+    when nothing shows the shape of its page; None: where there are several pages. `preview` describes the page from a
+    reduced photo and draws nothing. `camera` names the camera, None: as EXIF names it; `cameras` are those that are
+    remembered.
+
+    `corners` are those of the sheet in each page's photo, pixels of the EXIF-upright photo; none, or one entry for each
+    page, None where they are sought. `rotate` is the turn of each page's view in place of the one that is found, None
+    where it is sought; a single entry is that of all pages. `margin` is what is shown around the cut, percent of the
+    page's width.
     """
 
     kind: PageKind = "auto"
@@ -32,9 +46,45 @@ class RectifyParameters:
     crop: Crop = "sheet"
     pages: Pages = "main"
     paper: str = "auto"
-    on_no_text: OnNoText = "refuse"
+    on_no_text: OnNoText | None = None
     text: bool = False
     language: str | None = None
     preview: bool = False
     camera: str | None = None
     cameras: tuple[CameraMemory, ...] = ()
+    corners: tuple[Corners | None, ...] = ()
+    rotate: tuple[Rotation | None, ...] = (None,)
+    margin: float = 0.0
+
+    @property
+    def page_corners(self) -> Corners | None:
+        """The corners of the only page, if they are given."""
+        return self.corners[0] if self.corners else None
+
+    @property
+    def page_turn(self) -> Rotation | None:
+        """The turn of the only page, if it is given."""
+        return self.rotate[0]
+
+    def of_page(self, index: int, count: int) -> "RectifyParameters":
+        """The options of one of `count` pages.
+
+        Raises
+        ------
+        InvalidOption
+            When `corners` or `rotate` have not one entry for each page.
+        """
+        for name, entries in (("corners", self.corners), ("rotate", self.rotate)):
+            one_for_all = not entries or (name == "rotate" and len(entries) == 1)
+            if len(entries) != count and not one_for_all:
+                raise InvalidOption(
+                    f"{name}: {len(entries)} entries were sent for {count} pages; send one for each page, "
+                    f"{'null' if name == 'corners' else 'auto'} where it is to be found.",
+                    name,
+                )
+        return replace(
+            self,
+            corners=self.corners and (self.corners[index],),
+            rotate=self.rotate if len(self.rotate) == 1 else (self.rotate[index],),
+            on_no_text=self.on_no_text or ("refuse" if count == 1 else "keep"),
+        )

@@ -115,7 +115,7 @@ def describe_mosaic(result: MosaicResult) -> dict[str, object]:
         "width": width,
         "height": height,
         "base": result.base,
-        "orientation": describe_orientation(result.orientation),
+        "orientation": describe_orientation(result.orientation, None),
         "patches": [_describe_patch(patch) for patch in result.patches],
         "pairs": [_describe_pair(pair) for pair in result.pairs],
         "unplaced": result.unplaced,

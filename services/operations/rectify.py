@@ -11,6 +11,7 @@ from services.contract.images import Encoding, PageReply
 from services.contract.rectify import RectifyParameters
 from services.documents.paper_size import measure_size, size_of_photo
 from services.errors import NoText
+from services.geometry.page_frame import turn_against_photo
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.page_images import PagePicture
 from services.imaging.square_pixels import square_pixels
@@ -119,7 +120,7 @@ def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise
-        return keep_photo(photo.pixels, refusal)
+        return keep_photo(photo.pixels, refusal, parameters.page_turn or 0)
 
 
 def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> RectifiedPages:
@@ -129,7 +130,7 @@ def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> Rectif
     except NoText as refusal:
         if parameters.on_no_text == "refuse":
             raise
-        return RectifiedPages((keep_photo(photo.pixels, refusal),), (), {})
+        return RectifiedPages((keep_photo(photo.pixels, refusal, parameters.page_turn or 0),), (), {})
 
 
 def describe_page(
@@ -233,7 +234,7 @@ def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> di
     return {
         "photo": {"width": photo_size[0], "height": photo_size[1]},
         "corners": corners,
-        "orientation": describe_orientation(result.orientation),
+        "orientation": describe_orientation(result.orientation, turn_against_photo(result.mesh)),
         "width": width,
         "height": height,
         "mesh": {

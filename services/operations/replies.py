@@ -119,12 +119,13 @@ def describe_image(embedded: str | None, image_format: OutputFormat) -> dict[str
     return {"image": embedded, "image_media_type": None if embedded is None else MEDIA_TYPES[image_format]}
 
 
-def describe_orientation(orientation: Orientation) -> dict[str, object]:
-    """The `orientation` of the HTTP contract."""
+def describe_orientation(orientation: Orientation, photo_rotation_deg: float | None) -> dict[str, object]:
+    """The `orientation` of the HTTP contract; the second turn is that against the photo, None where there are several."""
     return {
         "rotation_deg": orientation.rotation_deg,
         "mirrored": orientation.mirrored,
         "confidence": rounded(orientation.confidence),
+        "photo_rotation_deg": None if photo_rotation_deg is None else round(photo_rotation_deg, 1) % 360,
     }
 
 

@@ -4,23 +4,24 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.errors import NoText
-from services.geometry.page_frame import mesh_of
+from services.geometry.page_frame import mesh_of, turn_frame
 from services.notices import Notice
 from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
 from services.sheet.plane.framing import FlatFrame
 from services.sheet.surfaces import PlaneSurface
 
 
-def keep_photo(photo: RgbImage, refusal: NoText) -> RectifyResult:
-    """The photo (H, W, 3) as its own flat view, with a warning that says why."""
+def keep_photo(photo: RgbImage, refusal: NoText, rotation_deg: int = 0) -> RectifyResult:
+    """The photo (H, W, 3), turned clockwise, as its own flat view, with a warning that says why."""
     height, width = photo.shape[:2]
+    frame = turn_frame(FlatFrame(np.eye(3), width, height), rotation_deg, mirrored=False)
     return RectifyResult(
-        photo,
+        np.ascontiguousarray(np.rot90(photo, -(rotation_deg // 90))),
         "planar",
         Evidence(None, None, 0.0, ()),
         CameraEstimate(None, None, "assumed"),
         PlaneSurface(None),
-        Orientation(0, False, None),
-        np.asarray(mesh_of(FlatFrame(np.eye(3), width, height)), np.float64),
+        Orientation(rotation_deg, False, None),
+        np.asarray(mesh_of(frame), np.float64),
         (Notice("kept-as-it-is", f"the photo was passed through: {refusal.detail}"),),
     )
