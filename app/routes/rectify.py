@@ -111,7 +111,14 @@ def check_preview(form: RectifyForm, encoding: Encoding) -> None:
     """
     if encoding.format != "json":
         raise InvalidOption("preview: a preview is JSON; send format=json as well.", "preview")
-    for name, asked in (("text", form.text), ("embed", encoding.embed), ("pages", form.pages == "both")):
+    for name, asked in (
+        ("text", form.text),
+        ("embed", encoding.embed),
+        ("pages", form.pages == "both"),
+        ("corners", bool(form.corners)),
+        ("rotate", form.rotate != "auto"),
+        ("margin", form.margin > 0),
+    ):
         if asked:
             raise InvalidOption(
                 f"{name}: a preview does not have it; send the request without {name}, or without preview.",

@@ -119,7 +119,7 @@ def mesh_of(frame: Frame, columns: int = 49, rows: int = 65) -> Floats:
 
 
 def turn_against_photo(mesh: Floats) -> float:
-    """Clockwise turn of a view against the photo, degrees from 0 to 360, in the mean over its `mesh` (rows, columns, 2).
+    """Clockwise turn of a view against the photo, degrees from 0 to 360: the mean over its `mesh` (rows, columns, 2).
 
     A mirrored view is compared with the mirrored photo.
     """

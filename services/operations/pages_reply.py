@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast, get_args
 
-from services.arrays import RgbImage
+from services.arrays import PageImage
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
 from services.errors import DocumentError, NotAcceptable
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
@@ -27,13 +27,13 @@ from services.text.page_text import PageText
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedPage:
-    """One page of an answer: its picture (H, W, 3) RGB, its HTTP document without `image`, its text if it was read.
+    """One page of an answer: its picture, as `encode_image` takes it, its HTTP document without `image`, and its text.
 
     `dpi` is the resolution of the picture, by the true size of the page or by the resolution of the upload; None if
     neither is known.
     """
 
-    image: RgbImage
+    image: PageImage
     document: Mapping[str, object]
     text: PageText | None = None
     dpi: float | None = None

@@ -13,6 +13,7 @@ from services.documents.paper_size import measure_size, size_of_photo
 from services.errors import NoText
 from services.geometry.page_frame import turn_against_photo
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.looks import scanner_look
 from services.imaging.page_images import PagePicture
 from services.imaging.square_pixels import square_pixels
 from services.operations.capture_reply import describe_quality
@@ -101,8 +102,12 @@ def flatten_picture(
     parameters = name_camera(in_square_pixels(parameters, photo.stretch), photo)
     if parameters.preview:
         return [describe_preview(photo, parameters)[0]]
-    both = parameters.pages == "both"
-    results = _flatten_spread(photo, parameters).pages if both else (_flatten(photo, parameters),)
+    if parameters.pages == "both":
+        found = _flatten_spread(photo, parameters)
+        # Notices about both pages have no place of their own in an answer of several photos.
+        results = [replace(page, warnings=(*found.warnings, *page.warnings)) for page in found.pages]
+    else:
+        results = [_flatten(photo, parameters)]
     return [describe_page(result, parameters, encoding, photo) for result in results]
 
 
@@ -118,7 +123,7 @@ def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult
         engine = ocr_engine(parameters.language)
         return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
     except NoText as refusal:
-        if parameters.on_no_text == "refuse":
+        if parameters.on_no_text != "keep":
             raise
         return keep_photo(photo.pixels, refusal, parameters.page_turn or 0)
 
@@ -128,7 +133,7 @@ def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> Rectif
         engine = ocr_engine(parameters.language)
         return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
     except NoText as refusal:
-        if parameters.on_no_text == "refuse":
+        if parameters.on_no_text != "keep":
             raise
         return RectifiedPages((keep_photo(photo.pixels, refusal, parameters.page_turn or 0),), (), {})
 
@@ -148,6 +153,8 @@ def describe_page(
         quality = describe_quality(photo.pixels, result, words=None if text is None else text.words)
     view = reduce_view(result, encoding)
     page = _document(result, view, parameters, photo, quality)
+    # The look comes last: gray levels are read, and reduced, better than black and white.
+    page = replace(page, image=scanner_look(view.image, parameters.illumination))
     height, width = view.image.shape[:2]
     return page if text is None else replace(page, text=text.resized(width, height))
 
@@ -163,7 +170,7 @@ def describe_preview(
     try:
         found = preview_page(photo.pixels, reduced, photo.focal_length_px, photo.is_document)
     except NoText as refusal:
-        if parameters.on_no_text == "refuse":
+        if parameters.on_no_text != "keep":
             raise
         found = keep_photo(photo.pixels, refusal)
     with timed("quality", found.timings_ms):

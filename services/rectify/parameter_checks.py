@@ -58,5 +58,6 @@ def _check_corners(corners: Points, width: int, height: int) -> None:
         reason = "they are not those of a sheet: its outline turns right at all four of them"
     if reason:
         raise InvalidOption(
-            f"corners: {reason}; send four points of the photo, clockwise from the page's top left.", "corners"
+            f"corners: {reason}; send four points of the photo, clockwise from the page's top left.",
+            "corners",
         )

@@ -129,7 +129,7 @@ def flatten_page(
     release_freed_memory()
     with clock.stage("remap"):
         flat = draw_flat_view(photo, frame, border, paper)
-    if parameters.illumination == "normalize":
+    if parameters.illumination != "keep":  # looks of a scanner are made of it
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
             flat = normalize_illumination(flat, places)

@@ -30,9 +30,9 @@ def end_at_corners(frame: Frame, corners: Points, size: tuple[int, int] | None =
 
 
 def hold_corners(frame: Frame, corners: Points) -> Frame:
-    """`frame` turned so that the photo point `corners[0]` of (4, 2) is at the top left, and these are a rectangle in it.
+    """`frame`, turned so that the first of the photo points `corners` (4, 2) is at the top left; they are a rectangle.
 
-    It is the nearest one to where they are seen: of the same middle, its sides their mean lengths.
+    It is the nearest one to where they were seen: of the same middle, its sides their mean lengths.
     """
     seen = frame.to_flat(corners)
     ahead = np.roll(seen, -1, axis=0) - seen
@@ -55,7 +55,8 @@ def _four_points(here: Points, there: Points) -> Homography:
         rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y])
         rows.append([0, 0, 0, x, y, 1, -v * x, -v * y])
     h = np.linalg.solve(np.array(rows), (there / scale).ravel())
-    return np.diag([scale, scale, 1.0]) @ np.append(h, 1.0).reshape(3, 3) @ np.diag([1 / scale, 1 / scale, 1.0])
+    H = np.append(h, 1.0).reshape(3, 3)
+    return np.asarray(np.diag([scale, scale, 1.0]) @ H @ np.diag([1 / scale, 1 / scale, 1.0]), np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

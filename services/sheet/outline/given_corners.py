@@ -58,10 +58,10 @@ def outline_between(photo: RgbImage | Halves, corners: Points) -> SheetOutline:
     first = int(np.argmin(corners.sum(axis=1)))
     corners = np.roll(corners, -first, axis=0)
     medium, factor = medium_photo(halves)
-    guides = [
-        from_resized(_guide(medium, *to_resized(corners[[k, (k + 1) % 4]], factor), p), factor)
-        for k in range(4)
-    ]
+    guides = []
+    for k in range(4):
+        start, end = to_resized(corners[[k, (k + 1) % 4]], factor)
+        guides.append(from_resized(_guide(medium, start, end, p), factor))
     height, width = halves.image.shape[:2]
     diagonal = float(np.linalg.norm(np.ptp(corners, axis=0)))
     measured = measure_sides(halves.image, guides, diagonal, (0.0, 0.0, width - 1.0, height - 1.0))
@@ -103,7 +103,9 @@ def _edge_strength(
 ) -> Floats:
     """Strength (N, M), 0-1, of an edge at `offsets` (M,) along the normals of `points` (N, 2): a step of colour."""
     step = offsets[1] - offsets[0]
-    wide = np.concatenate([offsets[0] + step * np.arange(-2, 0), offsets, offsets[-1] + step * np.arange(1, 3)])
+    wide = np.concatenate(
+        [offsets[0] + step * np.arange(-2, 0), offsets, offsets[-1] + step * np.arange(1, 3)]
+    )
     along = chord / p.normals * np.array([-0.4, 0.0, 0.4])
     colors = edge_profiles(image, points, normals, wide, np.tile(along, (len(points), 1)))
     difference = length_of_channels(
@@ -124,7 +126,9 @@ def _best_path(
     return strength[np.arange(len(path)), path], path
 
 
-def _side(edge: EdgePoints, guide: Points, start: Points, end: Points, p: GivenCornersParameters) -> SheetSide:
+def _side(
+    edge: EdgePoints, guide: Points, start: Points, end: Points, p: GivenCornersParameters
+) -> SheetSide:
     """The side from `start` to `end` (2,): measured where an edge is seen, on its guide elsewhere, and its corners."""
     chord = float(np.linalg.norm(end - start))
     along = (end - start) / chord
