@@ -8,18 +8,14 @@ from services.contract.rectify import Illumination
 from services.imaging.channels import luminance
 from services.imaging.row_bands import row_bands
 
-WINDOW = 1 / 60
-"""Side of the neighbourhood that a pixel is compared with, of the page's shorter side: two to four lines of print."""
-LEAST_WINDOW_PX = 15
-CONTRAST = 0.25
-"""Ink is darker than the mean of its neighbourhood by this share of it where nothing but paper is around, ..."""
-FULL_DEVIATION = 100.0
-"""... and by less where gray levels deviate by more, none from this deviation on: close print, of any strength, is cut
-at its neighbourhood's mean (Sauvola and Pietikainen 2000)."""
-BLACK = 72
-"""Gray level below which a pixel is ink whatever is around it: areas of ink stay filled."""
-WHITE = 225
-"""Gray level from which on a pixel is paper: noise beside dense print."""
+WINDOW = 1 / 110
+"""Side of the neighbourhood that a pixel is compared with, of the page's shorter side: about the height of small print,
+so that it holds a stroke and its paper, and the counters of bold letters count as paper."""
+LEAST_WINDOW_PX = 7
+LEAST_CONTRAST = 48
+"""Gray levels by which ink is darker than the paper around it: print of the other side that shines through is by 25."""
+FILLED = 96
+"""Gray level below which an area without contrast is ink: the light is even, and paper is white."""
 
 
 def scanner_look(page: RgbImage, look: Illumination) -> PageImage:
@@ -32,17 +28,19 @@ def scanner_look(page: RgbImage, look: Illumination) -> PageImage:
 def black_and_white(gray: GrayImage) -> Mask:
     """Where `gray` (H, W), a page under even light, is paper: True, and False on ink.
 
-    Each pixel is compared with its neighbourhood, so that thin strokes, which blur leaves gray, stay whole, and
-    neighbouring ones apart.
+    Each pixel is compared with the middle between the lightest and the darkest of its neighbourhood. So a thin stroke
+    that blur leaves light gray stays whole, and bold ones do not grow.
     """
     height, width = gray.shape
     side = max(round(WINDOW * min(height, width)), LEAST_WINDOW_PX) | 1
+    window = np.ones((side, side), np.uint8)
     paper = np.empty((height, width), bool)
-    for band, seen, inner in row_bands(height, side // 2):
-        part = gray[seen].astype(np.float32)
-        mean = cv2.blur(part, (side, side), borderType=cv2.BORDER_REPLICATE)
-        square = cv2.sqrBoxFilter(part, cv2.CV_32F, (side, side), borderType=cv2.BORDER_REPLICATE)
-        deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
-        limit = mean * (1 - CONTRAST * np.maximum(1 - deviation / FULL_DEVIATION, 0.0))
-        paper[band] = (part > np.clip(limit, BLACK, WHITE))[inner]
+    for band, seen, inner in row_bands(height, 2 * side):
+        part = gray[seen]
+        calm = cv2.blur(part, (3, 3))  # a single noisy pixel is no ink
+        darkest = cv2.blur(cv2.erode(calm, window), (side, side))
+        lightest = cv2.blur(cv2.dilate(calm, window), (side, side))
+        middle = cv2.addWeighted(darkest, 0.5, lightest, 0.5, 0.0)
+        limit = cv2.min(middle, cv2.subtract(lightest, LEAST_CONTRAST))
+        paper[band] = ((part > limit) & ((part >= FILLED) | (lightest >= FILLED)))[inner]
     return paper

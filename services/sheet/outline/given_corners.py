@@ -1,7 +1,7 @@
 """The outline of a sheet whose four corners are known: its sides are looked for near the straight ones.
 
-A side that bends has an edge from corner to corner. Lines of print beside an edge that is not seen have none near the
-corners, so a bent side is believed only where its edge is seen along all of it.
+A side that bends has an edge from corner to corner. A rule beside an edge that is not seen has none near the corners:
+so a bent side is believed only where its edge is seen along all of it.
 """
 
 from dataclasses import dataclass
@@ -36,8 +36,8 @@ class GivenCornersParameters:
     """An edge of this colour difference counts half."""
     shift_cost: float = 0.02
     """Of the path for a step of one sample from place to place, in full edges: paper bends gently."""
-    parts: int = 6
-    """Of so many parts of a side, ..."""
+    parts: tuple[float, ...] = (0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94)
+    """Of the parts of a side between these places, ..."""
     least_strength: float = 0.25
     """... each must have an edge of this mean strength, or the side is not followed, ..."""
     gain: float = 0.05
@@ -87,11 +87,12 @@ def _guide(image: RgbImage, start: Points, end: Points, p: GivenCornersParameter
     room = chord * np.minimum(p.steepest * np.minimum(place, 1 - place), p.most_bow)
     most = max(int(np.ceil(p.steepest * chord / p.normals / step)), 1)
     near_chord = np.abs(offsets) <= max(p.straight_bow * chord, step)
+    ends = np.round(np.array(p.parts) * p.normals).astype(int)
     chosen, weakest = straight, 0.0
     # The straight side goes first: a bent one must have a clearer edge where it has the least.
     for allowed in (near_chord, np.abs(offsets) <= np.maximum(room, step)[:, None]):
         followed, path = _best_path(strength, allowed, most, p)
-        least = min(float(part.mean()) for part in np.array_split(followed, p.parts))
+        least = min(float(part.mean()) for part in np.split(followed, ends))
         if least > max(weakest + p.gain, p.least_strength):
             curve = points + offsets[path][:, None] * normals
             chosen, weakest = np.concatenate([start[None], curve, end[None]]), least
