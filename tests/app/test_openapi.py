@@ -200,9 +200,9 @@ def code_in(response: dict[str, str]) -> str:
 def test_the_form_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
     assert list(fields) == [
-        "image", "kind", "upright", "focal_length_px", "region", "corners", "rotate", "margin",
-        "illumination", "crop", "pages", "paper", "on_no_text", "preview", "camera", "text", "language", "format", "quality", "embed", "embed_format",
-        "max_width", "max_height", "pdf_version", "title", "archive", "callback_url",
+        "image", "kind", "upright", "focal_length_px", "region", "corners", "rotate", "margin", "illumination", "crop",
+        "pages", "paper", "on_no_text", "preview", "camera", "text", "language", "format", "quality", "embed",
+        "embed_format", "max_width", "max_height", "pdf_version", "title", "archive", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
@@ -212,8 +212,8 @@ def test_the_form_is_documented_field_by_field() -> None:
 def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
     assert list(fields) == [
-        "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "camera", "text", "language", "format",
-        "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "callback_url",
+        "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "camera", "text", "language",
+        "format", "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)

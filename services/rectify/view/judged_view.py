@@ -101,7 +101,8 @@ def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop) -> JudgedView:
     white = None if border is None else certain_sheet(border)
     if white is not None and hides_print(white, boxes):
         border, white = None, None
-    paper = page.outline if crop == "sheet" else None
+    # What lies between given corners is the person's page, to the last pixel.
+    paper = page.outline if crop == "sheet" and page.corners is None else None
     beyond = None if paper is None else paper_in_photo(paper, page.characters)
     if page.ground is not None and crop == "sheet":
         beyond = page.ground.outline
