@@ -35,7 +35,7 @@ class RectifyParameters:
     `corners` are those of the sheet in each page's photo, pixels of the EXIF-upright photo; none, or one entry for each
     page, None where they are sought. `rotate` is the turn of each page's view in place of the one that is found, None
     where it is sought; a single entry is that of all pages. `margin` is what is shown around the cut, percent of the
-    page's width.
+    page's width. `keep_photo`: the reply has what later answers need (`services.contract.kept_pages`).
     """
 
     kind: PageKind = "auto"
@@ -55,6 +55,7 @@ class RectifyParameters:
     corners: tuple[Corners | None, ...] = ()
     rotate: tuple[Rotation | None, ...] = (None,)
     margin: float = 0.0
+    keep_photo: bool = False
 
     @property
     def page_corners(self) -> Corners | None:

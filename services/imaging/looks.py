@@ -41,6 +41,6 @@ def black_and_white(gray: GrayImage) -> Mask:
         darkest = cv2.blur(cv2.erode(calm, window), (side, side))
         lightest = cv2.blur(cv2.dilate(calm, window), (side, side))
         middle = cv2.addWeighted(darkest, 0.5, lightest, 0.5, 0.0)
-        limit = cv2.min(middle, cv2.subtract(lightest, LEAST_CONTRAST))
+        limit = np.minimum(middle, lightest - np.minimum(lightest, LEAST_CONTRAST))
         paper[band] = ((part > limit) & ((part >= FILLED) | (lightest >= FILLED)))[inner]
     return paper

@@ -17,6 +17,7 @@ from services.imaging.looks import scanner_look
 from services.imaging.page_images import PagePicture
 from services.imaging.square_pixels import square_pixels
 from services.operations.capture_reply import describe_quality
+from services.operations.page_bundle import keep_page
 from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
@@ -86,7 +87,8 @@ def rectify_picture(
         result = _flatten(photo, parameters)
     page = describe_page(result, parameters, encoding, photo)
     timings_ms |= result.timings_ms
-    return make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms, page.text)
+    reply = make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms, page.text)
+    return replace(reply, kept=(page.kept,))
 
 
 def flatten_picture(
@@ -156,6 +158,9 @@ def describe_page(
     # The look comes last: gray levels are read, and reduced, better than black and white.
     page = replace(page, image=scanner_look(view.image, parameters.illumination))
     height, width = view.image.shape[:2]
+    if parameters.keep_photo:
+        with timed("keeping", result.timings_ms):
+            page = replace(page, kept=keep_page(result, page, parameters, photo))
     return page if text is None else replace(page, text=text.resized(width, height))
 
 

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
 from services.arrays import Points, RgbImage
-from services.contract.rectify import PageKind, RectifyParameters
+from services.contract.rectify import Crop, PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import turn_frame
@@ -34,9 +35,10 @@ from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
 from services.rectify.view.held_corners import end_at_corners, with_margin
-from services.rectify.view.judged_view import best_view
+from services.rectify.view.judged_view import JudgedView, best_view, judge_view
 from services.rectify.view.orientation import orient_page
 from services.rectify.view.paper_fit import fit_to_paper
+from services.rectify.view.view_plan import ViewPlan, plan_view
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.given_corners import outline_between
 from services.sheet.outline.results import SheetOutline
@@ -136,7 +138,26 @@ def flatten_page(
     printed = None if analysis is None else sample_print(analysis, page.on_page)
     judged = (view.print_kept, view.error_percent)
     described = describe_page(page, flat, frame, orientation, notices, clock, printed, judged)
-    return replace(described, stretch=stretch)
+    plan = None
+    if parameters.keep_photo:
+        with clock.stage("plan"):
+            plan = plan_views(photo, view, parameters)
+    return replace(described, stretch=stretch, plan=plan)
+
+
+def plan_views(photo: RgbImage, answered: JudgedView, parameters: RectifyParameters) -> ViewPlan:
+    """How all views of the page of the `answered` one are drawn, before they are turned."""
+    page, views = answered.page, {}
+    for crop in get_args(Crop):
+        view = answered if crop == parameters.crop else judge_view(photo, page, crop)
+        frame = view.frame
+        if crop == "sheet":
+            frame, stretch = fit_to_paper(frame, page, parameters.paper)
+            if stretch is not None and page.corners is not None:
+                frame = end_at_corners(frame, page.corners, (frame.width, frame.height))
+        text = None if page.analysis is None else page.characters
+        views[crop] = plan_view(frame, view.border, view.paper, text)
+    return ViewPlan(views)
 
 
 def find_page(

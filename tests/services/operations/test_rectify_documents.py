@@ -100,7 +100,7 @@ def test_a_tiff_and_an_archive_hold_all() -> None:
     with Image.open(
         io.BytesIO(run(JPEG, PNG, encoding=Encoding("tiff", pages_format="tiff")).body)
     ) as picture:
-        assert picture.n_frames == 2  # type: ignore[attr-defined]
+        assert getattr(picture, "n_frames", 1) == 2  # type: ignore[attr-defined]
     archive = run(PNG, b"nothing", JPEG, encoding=Encoding("zip", pages_format="zip")).body
     with zipfile.ZipFile(io.BytesIO(archive)) as files:
         assert files.namelist() == ["page-01.png", "page-03.png"]
@@ -282,7 +282,7 @@ def test_both_pages_of_a_photo_among_several_keep_the_notices_about_them(pipelin
 def test_a_page_without_text_among_several_is_kept_unless_it_shall_be_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    stand_in = rectify.rectify
+    stand_in = rectify.rectify  # type: ignore[attr-defined]
 
     def refuse_small(photo: np.ndarray, *rest: Any) -> Any:
         if photo.shape[0] < 40:
@@ -308,12 +308,12 @@ def test_looks_of_a_scanner_are_those_of_every_page(look: str, filters: str) -> 
     uploads = [make_file(page, "PNG") for page in pages]
     with pikepdf.open(io.BytesIO(run(*uploads, illumination=look).body)) as document:
         for page in document.pages:
-            (image,) = page.get_images().values()
+            (image,) = page.get_images().values()  # type: ignore[attr-defined]
             assert filters in str(image.Filter)
             assert str(image.ColorSpace) == "/DeviceGray"
     reply = run(*uploads, illumination=look, encoding=Encoding("tiff", pages_format="tiff"))
     with Image.open(io.BytesIO(reply.body)) as picture:
-        assert picture.n_frames == 2
+        assert getattr(picture, "n_frames", 1) == 2
         for frame in range(2):
             picture.seek(frame)
             assert (picture.mode, picture.info["compression"]) == (
