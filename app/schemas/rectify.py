@@ -220,6 +220,12 @@ class RectifyForm(BaseModel):
         description="With format=json, for live use: mesh, outline, quality and advice from a reduced photo. Nothing "
         "is drawn, read or turned upright.",
     )
+    keep_photo: Switch | Absent = Field(
+        default=None,
+        description="Keep the photo with what later answers need: the response has `page_id` (header "
+        "`Document-Page-Id`), see /pages. Default: the setting KEEP_PHOTOS (false, unless the operator has changed "
+        "it).",
+    )
     camera: CameraName = None
     text: ReadText = False
     language: Language = None
@@ -396,6 +402,9 @@ class RectifyResult(FlatPage):
     timings_ms: dict[str, float]
     image: Embedded = None
     image_media_type: EmbeddedMediaType = None
+    page_id: str | None = Field(
+        default=None, description="Id of the kept page, as in /pages/{id}; null: its photo was not kept."
+    )
 
 
 class FailedPage(Answer):

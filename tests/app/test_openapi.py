@@ -201,8 +201,8 @@ def test_the_form_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
     assert list(fields) == [
         "image", "kind", "upright", "focal_length_px", "region", "corners", "rotate", "margin", "illumination", "crop",
-        "pages", "paper", "on_no_text", "preview", "camera", "text", "language", "format", "quality", "embed",
-        "embed_format", "max_width", "max_height", "pdf_version", "title", "archive", "callback_url",
+        "pages", "paper", "on_no_text", "preview", "keep_photo", "camera", "text", "language", "format",
+        "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "archive", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1

@@ -49,6 +49,7 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     assert list(response.json()) == [
         "photo", "corners", "orientation", "width", "height", "mesh", "kind", "evidence", "camera", "surface",
         "page", "quality", "text", "warnings", "timings_ms", "image", "image_media_type",
+        "page_id",
     ]  # fmt: skip
     assert response.json()["image"] is None
     assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)
@@ -95,6 +96,8 @@ def test_embed_puts_the_image_into_the_json(client: httpx.Client) -> None:
         ({"rotate": "270"}, "rotate=(270,)"),
         ({"rotate": "Auto, 90,auto"}, "rotate=(None, 90, None)"),
         ({"margin": "12.5"}, "margin=12.5"),
+        ({}, "keep_photo=False"),
+        ({"keep_photo": "true"}, "keep_photo=True"),
         ({}, "crop='sheet', pages='main'"),
         ({"crop": "text"}, "crop='text'"),
         ({"crop": "photo"}, "crop='photo'"),
