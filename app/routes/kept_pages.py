@@ -117,12 +117,8 @@ async def show_photo(
     """The photo of a kept page as JPEG without its metadata, at most `width` pixels wide."""
     check_accepted(request.headers.get("accept"), JPEG)
     kept = await kept_page(state, await own_page(request, state, id))
-    seat = state.engine.admit()
-    try:
-        work = state.engine.submit(state.operations.show_kept_photo, kept.bundle, width)
-        photo = await while_connected(request.receive, work)
-    finally:
-        seat.release()
+    work = state.engine.submit(state.operations.show_kept_photo, kept.bundle, width)
+    photo = await while_connected(request.receive, work)
     return Response(photo, media_type=JPEG, headers={"Cache-Control": "private, no-cache"})
 
 
@@ -159,12 +155,8 @@ async def render_page(request: Request, state: State, id: str) -> Response:
         embed_format=asked.embed_format,
     )
     kept = await kept_page(state, page)
-    seat = state.engine.admit()
-    try:
-        work = state.engine.submit(state.operations.render_kept_page, kept, asked.wish, encoding)
-        reply, changed = await while_connected(request.receive, work)
-    finally:
-        seat.release()
+    work = state.engine.submit(state.operations.render_kept_page, kept, asked.wish, encoding)
+    reply, changed = await while_connected(request.receive, work)
     bundle_bytes = len(changed.bundle) or page.document["bytes"]
     document = {**changed.document, "bytes": bundle_bytes, "name": page.document["name"]}
     if changed.bundle:
@@ -196,13 +188,9 @@ async def bind_pages(request: Request, state: State) -> Response:
     pages = [await own_page(request, state, id) for id in asked.pages]
     encoding = encoding_of(asked, pages[0], asked.format, asked.format)
     kept = [await kept_page(state, page) for page in pages]
-    seat = state.engine.admit()
-    try:
-        limit = TimeLimit(state.settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
-        work = state.engine.submit(state.operations.bind_kept_pages, kept, encoding, time_limit=limit)
-        reply = await while_connected(request.receive, work)
-    finally:
-        seat.release()
+    limit = TimeLimit(state.settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
+    work = state.engine.submit(state.operations.bind_kept_pages, kept, encoding, time_limit=limit)
+    reply = await while_connected(request.receive, work)
     return file_answer(reply, reply.document, pages[0])
 
 

@@ -1,10 +1,9 @@
 """Options of /rectify."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from services.contract.cameras import CameraMemory
-from services.errors import InvalidOption
 
 PageKind = Literal["auto", "planar", "curved"]
 Illumination = Literal["keep", "normalize", "gray", "bw"]
@@ -66,26 +65,3 @@ class RectifyParameters:
     def page_turn(self) -> Rotation | None:
         """The turn of the only page, if it is given."""
         return self.rotate[0]
-
-    def of_page(self, index: int, count: int) -> "RectifyParameters":
-        """The options of one of `count` pages.
-
-        Raises
-        ------
-        InvalidOption
-            When `corners` or `rotate` have not one entry for each page.
-        """
-        for name, entries in (("corners", self.corners), ("rotate", self.rotate)):
-            one_for_all = not entries or (name == "rotate" and len(entries) == 1)
-            if len(entries) != count and not one_for_all:
-                raise InvalidOption(
-                    f"{name}: {len(entries)} entries were sent for {count} pages; send one for each page, "
-                    f"{'null' if name == 'corners' else 'auto'} where it is to be found.",
-                    name,
-                )
-        return replace(
-            self,
-            corners=self.corners and (self.corners[index],),
-            rotate=self.rotate if len(self.rotate) == 1 else (self.rotate[index],),
-            on_no_text=self.on_no_text or ("refuse" if count == 1 else "keep"),
-        )

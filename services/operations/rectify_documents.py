@@ -22,6 +22,7 @@ from services.operations.pages_reply import (
 from services.operations.rectify import flatten_picture, rectify_picture
 from services.operations.replies import ENCODING_BEGINS, SourceFacts, timed
 from services.progress import progress_within
+from services.rectify.parameter_checks import parameters_of_page
 from services.rectify.preview import PREVIEW_PX
 
 
@@ -56,13 +57,13 @@ def rectify_uploads(
     page_limits = PageLimits(limits.image, limits.max_pages, limits.max_megapixels)
     with open_pages(uploads, page_limits, lenient=True) as sources:
         if len(sources) == 1:
-            return rectify_picture(sources[0].decode, parameters.of_page(0, 1), encoding)
+            return rectify_picture(sources[0].decode, parameters_of_page(parameters, 0, 1), encoding)
         if parameters.region is not None:
             raise InvalidOption(
                 f"region: it is of one photo, and {len(sources)} pages were sent; send the photo of the region alone.",
                 "region",
             )
-        of_pages = [parameters.of_page(index, len(sources)) for index in range(len(sources))]
+        of_pages = [parameters_of_page(parameters, index, len(sources)) for index in range(len(sources))]
         return _rectify_pages(sources, of_pages, encoding, PageJournal(journal), too_slow)
 
 

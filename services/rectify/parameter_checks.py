@@ -1,4 +1,6 @@
-"""Options of a rectification that can only be checked against the photo."""
+"""Options of a rectification that can only be checked against the pages and the photo."""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +12,33 @@ SHORTEST_SIDE = 0.02
 """Of the photo's diagonal: the side of a given sheet; a shorter one shows no print."""
 LEAST_TURN = float(np.sin(np.deg2rad(3.0)))
 """Sine of the turn at a corner of a sheet; three corners in a line are those of no view of one."""
+
+
+def parameters_of_page(parameters: RectifyParameters, index: int, count: int) -> RectifyParameters:
+    """The options of one of `count` pages.
+
+    Raises
+    ------
+    InvalidOption
+        When `corners` or `rotate` have not one entry for each page.
+    """
+    for name, entries, unknown in (
+        ("corners", parameters.corners, "null"),
+        ("rotate", parameters.rotate, "auto"),
+    ):
+        one_for_all = not entries or (name == "rotate" and len(entries) == 1)
+        if len(entries) != count and not one_for_all:
+            raise InvalidOption(
+                f"{name}: {len(entries)} entries were sent for {count} pages; send one for each page, {unknown} where "
+                "it is to be found.",
+                name,
+            )
+    return replace(
+        parameters,
+        corners=parameters.corners and (parameters.corners[index],),
+        rotate=parameters.rotate if len(parameters.rotate) == 1 else (parameters.rotate[index],),
+        on_no_text=parameters.on_no_text or ("refuse" if count == 1 else "keep"),
+    )
 
 
 def check_parameters(width: int, height: int, parameters: RectifyParameters) -> None:
