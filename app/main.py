@@ -29,8 +29,7 @@ from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
 from app.expiry import deleting_expired
 from app.interprocess_lock import InterprocessLock
-from app.jobs.registry import Jobs
-from app.jobs.service import JobService, job_limits
+from app.jobs.service import JobService
 from app.kept_images import KeptImages
 from app.keyring import Keyring
 from app.layout_store import LayoutStore, ResultLimits
@@ -156,7 +155,6 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
     images, sample_images, photos = _pictures(blobs, store, settings)
     review_order = ReviewOrder(store, engine, operations, settings)
-    jobs = Jobs(store, blobs, job_limits(settings))
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
@@ -198,7 +196,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
-    job_service = JobService(app, answer, jobs, store, blobs, settings)
+    job_service = JobService(app, answer, store, blobs, settings)
     metrics.watch_jobs(job_service.facts)
     app.state.document_rectification = AppState(
         settings,
@@ -207,7 +205,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         store,
         metrics,
         locks,
-        jobs,
+        job_service.jobs,
         disk,
         blobs,
         images,
@@ -217,7 +215,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         review_order,
         tokens,
     )
-    add_middleware(app, settings, engine, jobs, metrics, routes, keyring, tokens)
+    add_middleware(app, settings, engine, job_service.jobs, metrics, routes, keyring, tokens)
     _describe(app, settings)
     return app
 

@@ -39,6 +39,8 @@ class RidgedPageParameters:
     focal_steps: tuple[float, ...] = (1.25, 0.8)
     """Factors of a search over an assumed focal length, first upwards, else downwards."""
     most_focal_steps: int = 2
+    focal_ends: float = 1e-2
+    """Relative decrease of the cost below which a fit of this search ends: it is compared only."""
     focal_gain: float = 0.97
     """A step is taken when it brings the cost below this share."""
     believable_focal: float = 2.0
@@ -284,7 +286,7 @@ def _search_focal(
     If depth and focal length grow by the same factor, the photo does not change. So a fit stays near the focal length
     of its start, even if another one explains the photo better.
     """
-    last = replace(p.fit, schedule=p.fit.schedule[-1:])
+    last = replace(p.fit, schedule=p.fit.schedule[-1:], gain=p.focal_ends)
     best = fitted
     for step in steps:
         for _ in range(p.most_focal_steps):
