@@ -13,6 +13,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import BENT, STRAIGHT_SIDE, planar_page
+from services.sheet.outline.given_corners import with_straight_sides
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.plane.planar_page import PlanarPage
@@ -64,6 +65,7 @@ def _by_sides(
     page: ShapedPage | None, outline: SheetOutline, view: PhotoFrame, prior: FocalPrior, kind: PageKind
 ) -> Iterator[ShapedPage]:
     """The shapes that the sides alone show, the last of which places any corners; with the analysis of `page`."""
+    outline = with_straight_sides(outline)
     found = ShapedPage(view, frontal_page(prior), (), outline)
     if page is not None:
         found = replace(found, analysis=page.analysis, vanishing_points=page.vanishing_points)

@@ -4,12 +4,12 @@ A side that bends has an edge from corner to corner. A rule beside an edge that 
 so a bent side is believed only where its edge is seen along all of it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, Mask, Points, RgbImage
+from services.arrays import Floats, Mask, Points, RgbImage, Vector
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import length_of_channels
 from services.imaging.reduction import Halves
@@ -43,7 +43,9 @@ class GivenCornersParameters:
     gain: float = 0.05
     """... and a bent side must exceed the straight one by this in its weakest part."""
     unseen: float = 0.003
-    """Standard deviation of a side's place where no edge was seen."""
+    """Standard deviation of a side's place where no edge was seen and it is taken for straight, ..."""
+    least_seen: float = 0.35
+    """... as it is, for want of better, where a smaller share of it was seen."""
     corner: float = 0.0002
     """That of a corner: it is exact, to the pixels of a photo."""
 
@@ -51,7 +53,7 @@ class GivenCornersParameters:
 def outline_between(photo: RgbImage | Halves, corners: Points) -> SheetOutline:
     """The outline through the `corners` (4, 2) of `photo` (H, W, 3), which are clockwise in it; they are not moved.
 
-    All sides count as seen: where no edge is, a side runs on between its neighbouring points.
+    A side has its corners, and the points where its edge is seen: where none is, the sheet may bend.
     """
     p = GivenCornersParameters()
     halves = Halves.of(photo)
@@ -65,10 +67,7 @@ def outline_between(photo: RgbImage | Halves, corners: Points) -> SheetOutline:
     height, width = halves.image.shape[:2]
     diagonal = float(np.linalg.norm(np.ptp(corners, axis=0)))
     measured = measure_sides(halves.image, guides, diagonal, (0.0, 0.0, width - 1.0, height - 1.0))
-    sides = [
-        _side(edge, guide, corners[k], corners[(k + 1) % 4], p)
-        for k, (edge, guide) in enumerate(zip(measured, guides, strict=True))
-    ]
+    sides = [_side(edge, corners[k], corners[(k + 1) % 4], p) for k, edge in enumerate(measured)]
     polygon = np.concatenate([side.points[:-1] for side in sides])
     polygon = np.clip(polygon, 0.0, [width - 1.0, height - 1.0])
     return SheetOutline(corners, (sides[0], sides[1], sides[2], sides[3]), 1.0, polygon)
@@ -127,22 +126,33 @@ def _best_path(
     return strength[np.arange(len(path)), path], path
 
 
-def _side(
-    edge: EdgePoints, guide: Points, start: Points, end: Points, p: GivenCornersParameters
-) -> SheetSide:
-    """The side from `start` to `end` (2,): measured where an edge is seen, on its guide elsewhere, and its corners."""
+def _side(edge: EdgePoints, start: Points, end: Points, p: GivenCornersParameters) -> SheetSide:
+    """The side from `start` to `end` (2,): where its edge is seen, and its corners."""
     chord = float(np.linalg.norm(end - start))
-    along = (end - start) / chord
-    across = np.array([-along[1], along[0]])
-    places = (edge.points - start) @ along / chord
-    keep = (places > 0) & (places < 1)
-    kept = np.flatnonzero(keep)[:: max(len(edge.points) // p.side_points, 1)]
-    seen, places = edge.seen[kept], places[kept]
-    guided = np.interp(places, (guide - start) @ along / chord, (guide - start) @ across)
-    bow = np.where(seen, (edge.points[kept] - start) @ across, guided)
-    points = start + places[:, None] * chord * along + bow[:, None] * across
-    deviations = np.where(seen, edge.deviations[kept], p.unseen * chord)
-    points = np.concatenate([start[None], points, end[None]])
-    deviations = np.concatenate([[p.corner * chord], deviations, [p.corner * chord]])
+    places = (edge.points - start) @ (end - start) / chord**2
+    between = (places > 0) & (places < 1)
+    kept = np.flatnonzero(between & edge.seen)[:: max(len(edge.points) // p.side_points, 1)]
+    return _side_of(
+        np.concatenate([start[None], edge.points[kept], end[None]]),
+        np.concatenate([[p.corner * chord], edge.deviations[kept], [p.corner * chord]]),
+        float(edge.seen[between].mean()) if between.any() else 0.0,
+    )
+
+
+def with_straight_sides(outline: SheetOutline) -> SheetOutline:
+    """The outline with straight sides from corner to corner where their edge was hardly seen, for want of better."""
+    p, sides = GivenCornersParameters(), []
+    for k, side in enumerate(outline.sides):
+        if side.seen >= p.least_seen:
+            sides.append(side)
+            continue
+        ends = outline.corners[[k, (k + 1) % 4]]
+        unseen = p.unseen * float(np.linalg.norm(ends[1] - ends[0]))
+        points = np.linspace(ends[0], ends[1], p.side_points)
+        sides.append(_side_of(points, np.full(len(points), unseen), 1.0))
+    return replace(outline, sides=(sides[0], sides[1], sides[2], sides[3]))
+
+
+def _side_of(points: Points, deviations: Vector, seen: float) -> SheetSide:
     off = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(points))
-    return SheetSide(points, deviations, 1.0, float(off))
+    return SheetSide(points, deviations, seen, float(off))

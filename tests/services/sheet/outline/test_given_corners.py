@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.sheet.outline.given_corners import outline_between
+from services.sheet.outline.given_corners import outline_between, with_straight_sides
 from tests.services.sheet.outline.drawn import distances, draw_sheet, sides_of
 
 SIZE = (660, 820)
@@ -28,8 +28,9 @@ def test_a_side_without_an_edge_is_straight() -> None:
     paper = (214, 212, 206)
     photo = draw_sheet(sides_of(CORNERS), SIZE, ground=paper)
     photo[:] = np.where((photo > 150).all(axis=2, keepdims=True), np.array(paper, np.uint8), photo)
-    outline = outline_between(photo, CORNERS)
-    for k, side in enumerate(outline.sides):
+    seen = outline_between(photo, CORNERS)
+    assert max(side.seen for side in seen.sides) < 0.35
+    for k, side in enumerate(with_straight_sides(seen).sides):
         ends = CORNERS[[k, (k + 1) % 4]]
         assert side.straightness_px < 0.5
         assert distances(side.points, np.linspace(*ends, 200)).max() < 3.5
