@@ -21,7 +21,7 @@ from models.errors import ModelNotFound, ResultNotFound
 from models.records import StoredResult
 from models.repository import Store
 from services.contract.html import HtmlElement
-from services.contract.layout import MEDIA_TYPES, KeptPage, LayoutFormat
+from services.contract.layout import MEDIA_TYPES, KeptResult, LayoutFormat
 
 router = APIRouter(tags=["layout"])
 
@@ -87,11 +87,11 @@ async def _answer_file(
     request: Request, state: AppState, kept: StoredResult, chosen: LayoutFormat
 ) -> Response:
     results = kept.pages if "pages" in kept.document else (kept,)
-    pages = [await _kept_page(state, each, chosen) for each in results]
+    pages = [await _kept_result(state, each, chosen) for each in results]
     seat = state.engine.admit()
     try:
         settings = layout_settings(state.settings)
-        work = state.engine.submit(state.operations.render_kept_pages, pages, chosen, settings)
+        work = state.engine.submit(state.operations.render_results, pages, chosen, settings)
         file = await while_connected(request.receive, work)
     finally:
         seat.release()
@@ -102,7 +102,7 @@ async def _answer_file(
     return Response(file.body, media_type=file.media_type, headers=headers)
 
 
-async def _kept_page(state: AppState, kept: StoredResult, chosen: LayoutFormat) -> KeptPage:
+async def _kept_result(state: AppState, kept: StoredResult, chosen: LayoutFormat) -> KeptResult:
     result = kept.document["result"]
     elements = await state.store.call(lambda store: _elements_of(store, result))
     picture = b""
@@ -111,7 +111,7 @@ async def _kept_page(state: AppState, kept: StoredResult, chosen: LayoutFormat) 
             picture = await state.images.picture(kept.id, result["image"]["bytes"])
         except ResultNotFound:  # it gave way to newer pictures
             picture = b""
-    return KeptPage(result, kept.document["page"], kept.id, picture, elements)
+    return KeptResult(result, kept.document["page"], kept.id, picture, elements)
 
 
 def _elements_of(store: Store, result: Mapping[str, Any]) -> dict[str, HtmlElement]:

@@ -102,7 +102,7 @@ class DrawnPage:
 
 
 @dataclass(frozen=True, slots=True)
-class KeptPage:
+class KeptResult:
     """A stored result that becomes a file, or a page of one.
 
     `document` is its `LayoutResult` without the id, `page` the page with all measurements, and `name` that of its image
@@ -118,7 +118,7 @@ class KeptPage:
 
 
 @dataclass(frozen=True, slots=True)
-class RenderedPages:
+class RenderedResults:
     """A file of type `media_type` of stored results; `drawn` as in `LayoutReply`."""
 
     body: bytes

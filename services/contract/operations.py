@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar
 
 from services.contract.images import PageReply
-from services.contract.layout import DocumentReply, LayoutReply, RenderedPages
+from services.contract.kept_pages import RenderedPage
+from services.contract.layout import DocumentReply, LayoutReply, RenderedResults
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft
 
@@ -29,15 +30,18 @@ class Operations:
     """The operations of one service; a test can replace them. An operation has the arguments of its function."""
 
     rectify: Operation[PageReply] = Operation("services.operations.rectify_documents:rectify_uploads")
+    render_kept_page: Operation[tuple[PageReply, RenderedPage]] = Operation(
+        "services.operations.kept_pages:render_kept_page"
+    )
+    bind_kept_pages: Operation[PageReply] = Operation("services.operations.kept_pages:bind_kept_pages")
+    show_kept_photo: Operation[bytes] = Operation("services.operations.kept_pages:show_kept_photo")
     bind_done_pages: Operation[PageReply] = Operation("services.operations.rectify_documents:bind_done_pages")
     mosaic: Operation[PageReply] = Operation("services.operations.mosaic:mosaic_uploads")
     recognize_layout: Operation[LayoutReply | DocumentReply] = Operation(
         "services.operations.layout_documents:recognize_uploads"
     )
     resize_kept_picture: Operation[bytes] = Operation("services.operations.kept_picture:resize_kept_picture")
-    render_kept_pages: Operation[RenderedPages] = Operation(
-        "services.operations.kept_pages:render_kept_pages"
-    )
+    render_results: Operation[RenderedResults] = Operation("services.operations.layout_files:render_results")
     measure_sample: Operation[dict[str, object]] = Operation(
         "services.operations.layout_models:measure_sample"
     )

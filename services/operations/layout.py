@@ -167,7 +167,7 @@ def describe_page(
     document["language"] = (options.language or default_language()) if was_read else None
     document["page"] = measured.flat
     turned = measured.orientation
-    document["orientation"] = None if turned is None else describe_orientation(turned)
+    document["orientation"] = None if turned is None else describe_orientation(turned, turned.rotation_deg)
     document["image"] = None if measured.kept is None else measured.kept.describe()
     document["warnings"] = describe_warnings(measured.notices)
     ready: dict[str, object] = to_json_ready(document)

@@ -29,11 +29,11 @@ from services.sheet.developable.observations import (
     SheetEdges,
 )
 from services.sheet.developable.residuals import BENDS, FittingParameters
-from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.developable.variation import TURN
 from services.sheet.evidence import PageEvidence
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page
+from services.sheet.line_residual import morph_to_lines
 from services.sheet.shape import EXIF_CONTRADICTED, NoShape, ShapeSource
 from services.sheet.sheet_edges import measure_sides
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface

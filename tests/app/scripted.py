@@ -3,7 +3,7 @@
 import base64
 import json
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +13,20 @@ from app.schemas.layout_samples import PageBody
 from app.schemas.page import FlatPage
 from services import errors
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
+from services.contract.kept_pages import KeptPage as KeptPhoto
+from services.contract.kept_pages import PageWish, RenderedPage
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
 from services.contract.layout import (
     DocumentPage,
     DocumentReply,
     DrawnPage,
-    KeptPage,
+    KeptResult,
     LayoutFormat,
     LayoutOptions,
     LayoutReply,
     LayoutSettings,
     ModelDocument,
-    RenderedPages,
+    RenderedResults,
 )
 from services.contract.layout_learning import (
     Adaptation,
@@ -64,7 +66,8 @@ def rectify(
     if parameters.pages == "both":
         return _reply_of_pages(verb, parameters, encoding)
     creased = {"kind": "curved", "surface": CREASED_SHEET} if verb == b"creased" else {}
-    return _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
+    reply = _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
+    return replace(reply, kept=(kept_photo(parameters),)) if parameters.keep_photo else reply
 
 
 def _reply_of_uploads(
@@ -145,6 +148,45 @@ def _reply(encoding: Encoding, describe: Callable[[str | None], dict[str, object
     return PageReply(body, MEDIA_TYPES[encoding.format or "jpeg"], describe(embedded))
 
 
+def kept_photo(parameters: RectifyParameters) -> KeptPhoto:
+    """A real page of 80 x 60 pixels that is kept: red at its top, blue at its foot."""
+    import numpy as np
+
+    from services.imaging.codec import encode_image
+    from services.imaging.page_images import PagePicture
+    from services.operations.rectify import describe_page
+    from services.rectify.kept_photo import keep_photo
+
+    pixels = np.zeros((60, 80, 3), np.uint8)
+    pixels[:30, :, 0] = pixels[30:, :, 2] = 200
+    photo = PagePicture(pixels, None, "png", original=encode_image(pixels, "png"))
+    result = keep_photo(pixels, errors.NoText("nothing is seen."))
+    kept = describe_page(result, parameters, Encoding("json"), photo).kept
+    assert kept is not None
+    return kept
+
+
+def render_kept_page(kept: KeptPhoto, wish: PageWish, encoding: Encoding) -> tuple[PageReply, RenderedPage]:
+    """The real operation, of a small page."""
+    from services.operations import kept_pages
+
+    return kept_pages.render_kept_page(kept, wish, encoding)
+
+
+def bind_kept_pages(pages: list[KeptPhoto], encoding: Encoding) -> PageReply:
+    """The real operation, of small pages."""
+    from services.operations import kept_pages
+
+    return kept_pages.bind_kept_pages(pages, encoding)
+
+
+def show_kept_photo(bundle: bytes, width: int | None) -> bytes:
+    """The real operation, of a small photo."""
+    from services.operations import kept_pages
+
+    return kept_pages.show_kept_photo(bundle, width)
+
+
 PAGE: dict[str, Any] = {
     "width": 20,
     "height": 30,
@@ -223,13 +265,15 @@ def resize_kept_picture(picture: bytes, width: int) -> bytes:
     return picture + f" at most {width} wide".encode()
 
 
-def render_kept_pages(pages: list[KeptPage], format: LayoutFormat, settings: LayoutSettings) -> RenderedPages:
+def render_results(
+    pages: list[KeptResult], format: LayoutFormat, settings: LayoutSettings
+) -> RenderedResults:
     """Of every page its zones, the bytes of its picture, and the elements that settings name."""
     shown = [
         f"{len(page.document['zones'])} zones, {len(page.picture)} bytes, {dict(page.elements)}"
         for page in pages
     ]
-    return RenderedPages(" | ".join(shown).encode(), LAYOUT_MEDIA_TYPES[format])
+    return RenderedResults(" | ".join(shown).encode(), LAYOUT_MEDIA_TYPES[format])
 
 
 def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:

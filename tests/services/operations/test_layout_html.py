@@ -13,14 +13,14 @@ import pytest
 from PIL import Image
 
 from services.contract.html import HtmlElement
-from services.contract.layout import DocumentReply, KeptPage, LayoutOptions, LayoutSettings
+from services.contract.layout import DocumentReply, KeptResult, LayoutOptions, LayoutSettings
 from services.layout.page import Page, Zone
 from services.layout.recognition.fields import Field
 from services.layout.recognition.results import LabelledZone, Recognition
 from services.operations import layout, layout_documents
-from services.operations.kept_pages import render_kept_pages
 from services.operations.kept_picture import encode_kept_picture
 from services.operations.layout_documents import recognize_uploads
+from services.operations.layout_files import render_results
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_recognition
 from tests.services.imaging.files import make_file
@@ -83,10 +83,10 @@ def test_stored_results_have_the_kept_picture_or_none() -> None:
     kept = encode_kept_picture(PICTURE, 10_000).body
     elements: dict[str, HtmlElement] = {"title": "h3", "figure": "img", "caption": "none"}
     pages = [
-        KeptPage(document(), {}, "1", kept, elements),
-        KeptPage(document(("figure", None, None)), {}, "2"),
+        KeptResult(document(), {}, "1", kept, elements),
+        KeptResult(document(("figure", None, None)), {}, "2"),
     ]
-    root = parsed(render_kept_pages(pages, "html", SETTINGS).body)
+    root = parsed(render_results(pages, "html", SETTINGS).body)
     first, second = root.findall("body/main/section")
     assert [each.tag for each in first] == ["h3", "img"]
     assert np.abs(pixels_of(first[1]).mean((0, 1)) - (200, 30, 30)).max() <= 6
