@@ -22,6 +22,7 @@ from services.operations.kept_picture import read_kept_picture
 from services.operations.layout import write_xml
 from services.operations.layout_documents import ARCHIVE, zip_files
 from services.operations.layout_html import HtmlPage, render_html
+from services.operations.page_zones import read_kept_page
 
 
 def render_results(
