@@ -78,8 +78,9 @@ export function createView() {
 
   async function showSheet(index) {
     const result = sheets[index];
-    const isPhoto = photo.firstElementChild.checked;
-    const single = sheets.length === 1 && files.length === 1 && !isPhoto && (await sizeOf(files[0])) ? files[0] : null;
+    // A flattened photo, or an image that was turned to be read, is not the file as it was sent.
+    const asSent = !photo.firstElementChild.checked && !result.orientation?.rotation_deg && !result.orientation?.mirrored;
+    const single = sheets.length === 1 && files.length === 1 && asSent && (await sizeOf(files[0])) ? files[0] : null;
     const picture = single ? URL.createObjectURL(single) : await keptPicture(result);
     editor.element.hidden = false;
     await editor.open(result, picture);
