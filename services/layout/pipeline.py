@@ -45,6 +45,7 @@ __all__ = [
     "initialize_model",
     "read_fine_page",
     "read_page",
+    "readable",
     "recognize",
     "regroup",
     "regroup_pieces",
@@ -73,8 +74,8 @@ def read_fine_page(
 def segment_read_page(image: RgbImage, engine: OcrEngine) -> tuple[Page, list[Word]]:
     """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it."""
     gray = luminance(image)
-    readable = _readable(gray)
-    words = with_lost_lines(readable, engine.read_page(readable), engine)
+    even = readable(gray)
+    words = with_lost_lines(even, engine.read_page(even), engine)
     return segment_page(gray, words), words
 
 
@@ -212,13 +213,14 @@ def _join_pieces(
 
 
 def _read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
-    """Words of a page, read after correction of its illumination; None without an engine.
+    """Words of a page; None without an engine."""
+    return None if engine is None else engine.read_page(readable(gray))
 
-    An engine with a global threshold loses half of the words in shadows. A page with dark ground is not corrected.
+
+def readable(gray: GrayImage) -> GrayImage:
+    """The page (H, W) in even light; one with dark ground as it is.
+
+    An engine with a global threshold loses half of the words in shadows.
     """
-    return None if engine is None else engine.read_page(_readable(gray))
-
-
-def _readable(gray: GrayImage) -> GrayImage:
     is_light = np.median(gray[::8, ::8]) >= LIGHT_GROUND
     return flatten_illumination(gray) if is_light else gray

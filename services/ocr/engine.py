@@ -9,11 +9,15 @@ from services.arrays import GrayImage
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A read word: its text, box (x0, y0, x1, y1) in pixels, and confidence 0-1."""
+    """A read word: its text, box (x0, y0, x1, y1) in pixels, and confidence 0-1.
+
+    `line` numbers the lines of a reading; None where the engine names none.
+    """
 
     text: str
     box: tuple[float, float, float, float]
     confidence: float
+    line: int | None = None
 
 
 class OcrEngine(Protocol):

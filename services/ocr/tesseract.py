@@ -193,11 +193,12 @@ class TesseractEngine:
 
     def _words(self, api: Any, factor: float) -> Iterator[Word]:
         """Words of the last recognition; boxes are divided by `factor`."""
-        level = self._library.RIL.WORD
+        level, line = self._library.RIL.WORD, -1
         words = api.GetIterator()
         if words is None:
             return
         for word in self._library.iterate_level(words, level):
+            line += word.IsAtBeginningOf(self._library.RIL.TEXTLINE)
             box = word.BoundingBox(level)
             if word.Empty(level) or box is None:
                 continue
@@ -208,4 +209,4 @@ class TesseractEngine:
             if text:
                 x0, y0, x1, y1 = (float(edge) / factor for edge in box)
                 confidence = min(1.0, max(0.0, word.Confidence(level) / 100.0))
-                yield Word(text, (x0, y0, x1, y1), confidence)
+                yield Word(text, (x0, y0, x1, y1), confidence, line)
