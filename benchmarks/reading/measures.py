@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from rapidfuzz import fuzz
 from rapidfuzz.distance import Levenshtein
@@ -38,14 +39,16 @@ def neighbours_kept(printed: Sequence[str], read: Sequence[str]) -> tuple[int, i
     """
     wanted = [normalise_text(line).split() for line in printed]
     found = [normalise_text(line).split() for line in read]
-    printed_words, read_words = (Counter(word for line in lines for word in line) for lines in (wanted, found))
+    printed_words, read_words = (
+        Counter(word for line in lines for word in line) for lines in (wanted, found)
+    )
     as_often = {word for word, count in printed_words.items() if read_words[word] == count}
     true = Counter(pair for pair in _pairs(wanted) if as_often.issuperset(pair))
     return (true & Counter(_pairs(found))).total(), true.total()
 
 
 def _pairs(lines: Sequence[Sequence[str]]) -> Iterator[tuple[str, str]]:
-    return (pair for line in lines for pair in zip(line, line[1:], strict=False))
+    return (pair for line in lines for pair in pairwise(line))
 
 
 def value_read(value: str, read: Sequence[str]) -> tuple[bool, bool]:

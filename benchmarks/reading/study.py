@@ -8,7 +8,6 @@ of the reading alone. A third of the sheets, firms and shops was not looked at w
 have means of their own. Texts in ten languages are read by `python -m benchmarks languages`.
 """
 
-import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

@@ -1,7 +1,6 @@
 """The text of a flat page: OCR on its flat-fielded picture, in the reading order of page segmentation."""
 
 import math
-from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,8 +111,7 @@ def _believable_regions(page: Page, words: list[Word]) -> list[Region]:
 
 
 def _region(zone: Zone) -> Region:
-    rows = groupby(zone.words, key=lambda word: word.line)
-    return Region(zone.box, zone.font_size, tuple(tuple(word.box for word in row) for _, row in rows))
+    return Region(zone.box, zone.font_size, tuple(word.box for word in zone.words))
 
 
 def describe_text(text: PageText) -> dict[str, object]:
