@@ -33,7 +33,7 @@ from services.layout.segmentation import (
     segment_finely,
     segment_page,
 )
-from services.ocr.engine import OcrEngine, Word
+from services.ocr.engine import BoundedReader, OcrEngine, Word
 from services.ocr.lost_lines import with_lost_lines
 
 __all__ = [
@@ -71,12 +71,21 @@ def read_fine_page(
     return (features or content_features()).measure_page(compose_page(fine)), fine
 
 
-def segment_read_page(image: RgbImage, engine: OcrEngine) -> tuple[Page, list[Word]]:
-    """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it."""
-    gray = luminance(image)
-    even = readable(gray)
-    words = with_lost_lines(even, engine.read_page(even), engine)
-    return segment_page(gray, words), words
+def segment_read_page(
+    image: RgbImage, engine: OcrEngine, limit_s: float = float("inf")
+) -> tuple[Page, list[Word], bool]:
+    """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it in `limit_s`.
+
+    The last is whether words were left unread, because the time was over.
+    """
+    gray, ends_s = luminance(image), time.monotonic() + limit_s
+    even, cut = readable(gray), False
+    if isinstance(engine, BoundedReader) and limit_s < float("inf"):
+        words, cut = engine.read_page_within(even, limit_s)
+    else:
+        words = engine.read_page(even)
+    words = with_lost_lines(even, words, engine, ends_s)
+    return segment_page(gray, words), words, cut
 
 
 def complete_page(

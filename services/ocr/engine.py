@@ -65,6 +65,15 @@ class LineReader(OcrEngine, Protocol):
         ...
 
 
+@runtime_checkable
+class BoundedReader(OcrEngine, Protocol):
+    """An engine that stops reading a page when its time is over."""
+
+    def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
+        """Words of a page that were read in `seconds` (wall time), and whether others were left."""
+        ...
+
+
 def mean_confidence(words: Sequence[Word]) -> float:
     """Mean confidence of the words' letters; 0 without words."""
     letters = sum(len(word.text) for word in words)

@@ -113,15 +113,22 @@ class TesseractEngine:
 
     def read_page(self, image: GrayImage) -> list[Word]:
         """Words of a whole page, in reading order; boxes are in pixels of `image` (H, W) uint8."""
+        return self._read_page(image, None)[0]
+
+    def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
+        """See `BoundedReader`; layout analysis, which comes first, is always done."""
+        return self._read_page(image, max(1, round(1000 * seconds)))
+
+    def _read_page(self, image: GrayImage, limit_ms: int | None) -> tuple[list[Word], bool]:
         if min(image.shape) < _SMALLEST_SIDE_PX:
-            return []
+            return [], False
         factor = min(1.0, _LARGEST_SIDE_PX / max(image.shape))
         if factor < 1.0:
             size = (max(1, int(image.shape[1] * factor)), max(1, int(image.shape[0] * factor)))
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
         api = self._api("page", self._library.PSM.AUTO, self._language)
         self._set_image(api, image)
-        return self._recognize(api, factor)
+        return self._recognize(api, factor, limit_ms)
 
     def read_line(self, image: GrayImage) -> tuple[str, float]:
         """Text of one horizontal line crop, and the length-weighted confidence of its words, 0-1."""
@@ -129,7 +136,7 @@ class TesseractEngine:
             return "", 0.0
         api = self._api("line", self._library.PSM.SINGLE_LINE, self._language)
         self._set_image(api, image)
-        words = self._recognize(api)
+        words, _ = self._recognize(api)
         length = sum(len(word.text) for word in words)
         if length == 0:
             return "", 0.0
@@ -142,7 +149,7 @@ class TesseractEngine:
             return []
         api = self._api("line words", self._library.PSM.RAW_LINE, self._language)
         self._set_image(api, image)
-        return self._recognize(api)
+        return self._recognize(api)[0]
 
     def detect_direction(self, image: GrayImage) -> ReadDirection | None:
         """Orientation of a page by Tesseract's own script detection; None without its data or enough text."""
@@ -183,13 +190,18 @@ class TesseractEngine:
         height, width = image.shape
         api.SetImageBytes(np.ascontiguousarray(image).tobytes(), width, height, 1, width)
 
-    def _recognize(self, api: Any, factor: float = 1.0) -> list[Word]:
+    def _recognize(
+        self, api: Any, factor: float = 1.0, limit_ms: int | None = None
+    ) -> tuple[list[Word], bool]:
+        """Words that were recognized, and whether the limit came first; what was recognized until then is there."""
         try:
-            words = list(self._words(api, factor)) if api.Recognize() else []
+            done = api.Recognize(limit_ms or 0)
+            cut = limit_ms is not None and not done
+            words = list(self._words(api, factor)) if done or cut else []
         finally:
             api.Clear()
         # On blank ground the engine makes up a word, without any confidence.
-        return words if any(word.confidence > 0.0 for word in words) else []
+        return (words if any(word.confidence > 0.0 for word in words) else []), cut
 
     def _words(self, api: Any, factor: float) -> Iterator[Word]:
         """Words of the last recognition; boxes are divided by `factor`."""

@@ -160,3 +160,25 @@ def test_a_line_is_read_again_as_a_whole(
         ("read again", 4),
         ("first line read", 5),
     ]
+
+
+def test_no_line_is_read_after_the_time_is_over(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    engine = LineEngine()
+    assert with_lost_lines(page[0], [], engine, ends_s=0.0) == []
+    assert engine.crops == []
+
+
+@pytest.mark.parametrize(("confidence", "most"), [(0.9, 0.4), (0.2, 1.0)])
+def test_lines_that_were_read_in_part_are_read_again_up_to_a_share(confidence: float, most: float) -> None:
+    """Of 30 lines of one length about 0.3 are, and all where nothing was surely read."""
+    canvas = blank(1000, 1800)
+    boxes = set_lines(canvas, (60, 60), 30, HEIGHT, words=6)
+    words = [
+        Word("half", (x0, y0, (x0 + x1) / 2, y1), confidence, k) for k, (x0, y0, x1, y1) in enumerate(boxes)
+    ]
+    engine = LineEngine()
+    with_lost_lines(np.asarray(canvas, dtype=np.uint8), words, engine)
+    assert 0.2 < len(engine.crops) / 30 <= most
+    assert (len(engine.crops) == 30) == (most == 1.0)
