@@ -106,7 +106,18 @@ class _WordTable:
         self._line_of = np.where(within.max(axis=1, initial=0.0) > 0.5, within.argmax(axis=1), -1)
         self._numbers = np.array([-1 if word.line is None else word.line for word in words], dtype=int)
         self._letters = np.array([len(word.text) for word in words], dtype=float)
+        self._settle_fused()
         self.sure = np.array([word.confidence >= p.sure for word in words], dtype=bool)
+
+    def _settle_fused(self) -> None:
+        """A high word is of the line that the other words of its engine's line are of, and not fused."""
+        fused = self._fused.any(axis=1)
+        for word in np.flatnonzero(fused & (self._numbers >= 0)).tolist():
+            others = self._line_of[(self._numbers == self._numbers[word]) & ~fused]
+            others = others[others >= 0]
+            if len(others) and self._fused[word, line := int(np.bincount(others).argmax())]:
+                self._line_of[word] = line
+                self._fused[word] = False
 
     def own(self, index: int) -> NDArray[np.bool_]:
         """Words in the line, and in no other one too."""

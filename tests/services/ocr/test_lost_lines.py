@@ -182,3 +182,20 @@ def test_lines_that_were_read_in_part_are_read_again_up_to_a_share(confidence: f
     with_lost_lines(np.asarray(canvas, dtype=np.uint8), words, engine)
     assert 0.2 < len(engine.crops) / 30 <= most
     assert (len(engine.crops) == 30) == (most == 1.0)
+
+
+def test_a_high_word_stays_with_the_words_of_its_line(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    """Its box reaches into the next line, which is read again."""
+    gray, boxes = page
+    (x0, y0, x1, y1), below = boxes[:2]
+    high = Word("high", (x0, y0, x0 + 100, below[3]), 0.9, 0)
+    words = [high, Word("rest", (x0 + 110, y0, x1, y1), 0.9, 0), replace(read(boxes[2]), line=2)]
+    found = with_lost_lines(gray, words, LineEngine())
+    assert [(word.text, word.line) for word in found] == [
+        ("high", 0),
+        ("rest", 0),
+        ("first line read", 2),
+        ("read again", 3),
+    ]
