@@ -7,7 +7,12 @@ RESULT = "01M7ZZQ4ZN38G37138FEXHE2T7"
 SAMPLE = "01M80AWXT7S4QAHS1WR3QVD0RK"
 JOB = "5f0c8a3be1d94d0f8a7b6c5d4e3f2a1b"
 TIMINGS: dict[str, Any] = {"decode": 42.0, "texture_flow": 310.2}
-ORIENTATION: dict[str, Any] = {"rotation_deg": 0, "mirrored": False, "confidence": 0.95}
+ORIENTATION: dict[str, Any] = {
+    "rotation_deg": 0,
+    "mirrored": False,
+    "confidence": 0.95,
+    "photo_rotation_deg": 1.4,
+}
 CORNERS = [[[102.3, 88.1], [2207.9, 95.4]], [[96.0, 3010.2], [2215.5, 3002.8]]]
 PAGE: dict[str, Any] = {
     "width": 1240,

@@ -1,4 +1,4 @@
-"""Pictures of pages that are kept with results or samples, as blobs, until these are deleted or expire."""
+"""Pictures of pages that are kept with results or samples, and kept photos, as blobs, until these expire."""
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
@@ -15,7 +15,7 @@ _ALL = timedelta(days=1)
 
 
 class KeptImages:
-    """The pictures of results, or of samples. The key of a picture has their id and its number of bytes."""
+    """The pictures of results or samples, or bundles of kept pages. A key has their id and the number of bytes."""
 
     def __init__(
         self,

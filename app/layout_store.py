@@ -123,7 +123,7 @@ class LayoutStore:
             store, cannot = Store.open(self._folder / DATABASE), "the folder must be writable"
             write_note(self._folder)
         try:
-            store.purge_results(keep_newest=self._results.max_results)
+            self._purge(store)
             _catch_up(store)
         except StoreError as error:
             store.close()
@@ -277,8 +277,18 @@ class LayoutStore:
             log.error("expired results could not be deleted: %s", error.detail)
 
     async def purge(self) -> None:
-        """Delete expired results and unknown pages, and the oldest results over their limit. Raises `StoreError`."""
-        await self.call(lambda store: store.purge_results(keep_newest=self._results.max_results))
+        """Delete what has expired, and the oldest results and kept pages over their limit. Raises `StoreError`."""
+        await self.call(self._purge)
+
+    def _purge(self, store: Store) -> None:
+        store.purge_results(keep_newest=self._results.max_results)
+        store.purge_kept_pages(keep_newest=self._results.max_results)
+
+    async def keep_pages(self, documents: Sequence[dict[str, Any]], owner: str | None) -> list[str]:
+        """Store what is known of photos of `owner` that are kept; the ids of their pages."""
+        ids = await self.call(lambda store: store.add_kept_pages(documents, self._results.ttl_s, owner))
+        await self._purge_when_due(len(ids))
+        return ids
 
     def unknown_page(self, page: dict[str, Any], owner: str | None) -> UnknownPageDraft:
         """A page that fits no class, with the store's limits for such pages."""

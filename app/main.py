@@ -29,8 +29,7 @@ from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
 from app.expiry import deleting_expired
 from app.interprocess_lock import InterprocessLock
-from app.jobs.registry import Jobs
-from app.jobs.service import JobService, job_limits
+from app.jobs.service import JobService
 from app.kept_images import KeptImages
 from app.keyring import Keyring
 from app.layout_store import LayoutStore, ResultLimits
@@ -46,6 +45,7 @@ from app.routes import (
     audit,
     cameras,
     health,
+    kept_pages,
     layout,
     layout_exchange,
     layout_feedback,
@@ -80,6 +80,7 @@ log = logging.getLogger(__name__)
 
 ROUTERS = (
     rectify.router,
+    kept_pages.router,
     cameras.router,
     mosaic.router,
     layout.router,
@@ -105,6 +106,7 @@ LEARNING_LOCK = "learning.lock"
 """Lock file in the data folder, shared by the services that use that folder."""
 TAGS = {
     "rectify": "One photo of a page in, the flat page out.",
+    "pages": "Kept photos: other corners, turns and looks, and files of several pages, without sending them again.",
     "mosaic": "Overlapping photos of one page in, the whole page out.",
     "layout": "A page or a document in, its class and the labels of its zones out.",
     "layout feedback": "What a person corrects; the models learn from it.",
@@ -151,9 +153,8 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     )
     locks = ModelLocks(InterprocessLock(None if settings.database_url else settings.data_dir / LEARNING_LOCK))
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
-    images, sample_images = _pictures(blobs, store, settings)
+    images, sample_images, photos = _pictures(blobs, store, settings)
     review_order = ReviewOrder(store, engine, operations, settings)
-    jobs = Jobs(store, blobs, job_limits(settings))
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
     @asynccontextmanager
@@ -167,7 +168,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             await job_service.start()
             try:
                 async with (
-                    deleting_expired(store, images, sample_images),
+                    deleting_expired(store, images, sample_images, photos),
                     review_order.kept(),
                     keyring.watched(),
                 ):
@@ -195,7 +196,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     answer = FrameworkErrors(methods)
     app.add_exception_handler(HTTPException, answer)
     app.add_exception_handler(RequestValidationError, answer)
-    job_service = JobService(app, answer, jobs, store, blobs, settings)
+    job_service = JobService(app, answer, store, blobs, settings)
     metrics.watch_jobs(job_service.facts)
     app.state.document_rectification = AppState(
         settings,
@@ -204,16 +205,17 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         store,
         metrics,
         locks,
-        jobs,
+        job_service.jobs,
         disk,
         blobs,
         images,
         sample_images,
+        photos,
         job_service,
         review_order,
         tokens,
     )
-    add_middleware(app, settings, engine, jobs, metrics, routes, keyring, tokens)
+    add_middleware(app, settings, engine, job_service.jobs, metrics, routes, keyring, tokens)
     _describe(app, settings)
     return app
 
@@ -233,11 +235,14 @@ def _add_routes(app: FastAPI, settings: Settings) -> None:
     app.mount(pages.STATIC_PATH, pages.static_files())
 
 
-def _pictures(blobs: BlobAccess, store: LayoutStore, settings: Settings) -> tuple[KeptImages, KeptImages]:
-    """Pictures of results, and images of samples."""
+def _pictures(
+    blobs: BlobAccess, store: LayoutStore, settings: Settings
+) -> tuple[KeptImages, KeptImages, KeptImages]:
+    """Pictures of results, images of samples, and kept photos."""
     return (
         KeptImages(blobs, store, settings.max_kept_images_bytes),
         KeptImages(blobs, store, settings.max_sample_images_bytes, "sample-images", Store.kept_samples),
+        KeptImages(blobs, store, settings.max_kept_photos_bytes, "kept-photos", Store.kept_pages),
     )
 
 

@@ -30,6 +30,9 @@ WORK = frozenset(
     {
         ("POST", "/rectify"),
         ("POST", "/mosaic"),
+        ("GET", "/pages/{id}/photo"),
+        ("POST", "/pages/{id}/render"),
+        ("POST", "/pages/bind"),
         ("POST", "/layout"),
         ("PUT", "/layout/models/{name}"),
         ("POST", "/layout/models/{name}/samples"),

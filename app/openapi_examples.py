@@ -24,6 +24,8 @@ from app.example_documents import (
 
 BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
     "application/json": {
+        "render_kept_page": {"rotate": 90, "illumination": "bw", "format": "pdf"},
+        "bind_kept_pages": {"pages": [RESULT], "format": "pdf"},
         "give_layout_feedback": {"class": "letter", "labels": {"z1": "receiver", "z9": None}},
         "import_layout_model": MODEL,
         "add_layout_sample": PAGE,
@@ -51,6 +53,8 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
 
 RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
     ("200", "rectify"): RECTIFIED,
+    ("200", "kept_page"): RECTIFIED,
+    ("200", "render_kept_page"): RECTIFIED,
     ("200", "mosaic"): MOSAIC,
     ("200", "layout"): LAYOUT,
     ("200", "layout_result"): LAYOUT,

@@ -278,6 +278,8 @@ def image_headers(document: Mapping[str, object]) -> dict[str, str]:
     quality = document.get("quality")
     if isinstance(quality, Mapping):
         headers["Document-Advice"] = ", ".join(advice["code"] for advice in quality["advice"])
+    if document.get("page_id") is not None:
+        headers["Document-Page-Id"] = str(document["page_id"])
     return headers | _notices(warnings) | _stages(timings)
 
 
@@ -300,7 +302,8 @@ def _headers_of_pages(
         | ({"Document-Failed": ", ".join(failed)} if failed else {})
         | {
             name: ", ".join(one[name] for one in each if name in one)
-            for name in ("Document-Kind", "Document-Rotation")
+            for name in ("Document-Kind", "Document-Rotation", "Document-Page-Id")
+            if name != "Document-Page-Id" or any(name in one for one in each)
         }
     )
     return headers | _notices(warnings) | _stages(document.get("timings_ms"))

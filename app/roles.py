@@ -32,6 +32,9 @@ READERS_WRITE = (
     ("POST", "/mosaic"),
     ("POST", "/layout"),
     ("POST", "/tokens"),
+    ("POST", "/pages/{id}/render"),
+    ("POST", "/pages/bind"),
+    ("DELETE", "/pages/{id}"),
     ("DELETE", "/jobs/{id}"),
     ("DELETE", "/cameras/{name}"),
 )

@@ -272,11 +272,13 @@ class Settings(BaseSettings):
     )
     max_models: int = Field(default=200, ge=1, description="Most layout models.")
     max_samples_per_model: int = Field(default=1000, ge=1, description="Most samples of one layout model.")
-    result_ttl_s: int = Field(default=86400, ge=1, description="A result of /layout is kept this long.")
+    result_ttl_s: int = Field(
+        default=86400, ge=1, description="A result of /layout, or a kept photo, is kept this long."
+    )
     max_results: int = Field(
         default=10_000,
         ge=1,
-        description="Most results that are kept; over the limit, the oldest are removed.",
+        description="Most results, and most kept photos; over the limit, the oldest are removed.",
     )
 
     camera_memory: bool = Field(
@@ -296,6 +298,18 @@ class Settings(BaseSettings):
         default=2048 * MIB,
         ge=0,
         description="Pictures of all pages together; over the limit, the oldest are removed.",
+    )
+
+    keep_photos: bool = Field(
+        default=False,
+        description="Keep the photos of /rectify with what later answers need (/pages); `keep_photo` of a request "
+        "overrides it. KEEP_IMAGES never means them.",
+    )
+    max_kept_photos_bytes: int = Field(
+        default=4096 * MIB,
+        ge=0,
+        description="Kept photos of all pages together, with what is kept beside them; over the limit, the oldest are "
+        "removed.",
     )
 
     max_sample_images_bytes: int = Field(

@@ -42,6 +42,10 @@ class ResultNotFound(NotFound):
     """There is no result with this id, or it has expired."""
 
 
+class KeptPageNotFound(NotFound):
+    """No page with this id is kept, or it has expired."""
+
+
 class FeedbackNotFound(NotFound):
     """There is no feedback on this result."""
 

@@ -121,6 +121,17 @@ class StoredResult:
     pages: "tuple[StoredResult, ...]" = ()
 
 
+@dataclass(frozen=True, slots=True)
+class StoredPage:
+    """A page whose photo is kept until `expires_at`."""
+
+    id: str
+    document: dict[str, Any]
+    created_at: datetime
+    expires_at: datetime
+    owner: str | None
+
+
 ResultState = Literal["open", "confirmed", "corrected"]
 """Open: without feedback; confirmed: feedback found nothing wrong; corrected: it found something wrong."""
 

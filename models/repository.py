@@ -16,6 +16,7 @@ callers may cache it.
 from models.camera_repository import CameraRepository
 from models.feedback_repository import FeedbackRepository
 from models.job_repository import JobRepository
+from models.kept_page_repository import KeptPageRepository
 from models.lesson_repository import LessonRepository
 from models.model_repository import ModelRepository
 from models.result_repository import ResultRepository
@@ -34,6 +35,7 @@ class Store(
     FeedbackRepository,
     LessonRepository,
     ResultRepository,
+    KeptPageRepository,
     ReviewRepository,
     JobRepository,
     CameraRepository,

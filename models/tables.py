@@ -193,6 +193,18 @@ class ResultRow(Table):
     owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
 
 
+class KeptPageRow(Table):
+    """A page whose photo is kept for later answers. It expires."""
+
+    __tablename__ = "kept_pages"
+
+    id: Mapped[str] = mapped_column(String(26), primary_key=True)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    expires_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
+    document: Mapped[bytes] = mapped_column(LargeBinary)
+    owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
+
+
 class JobRow(Table):
     """An accepted job. Its input and its answer are blobs; the queue knows its id only.
 

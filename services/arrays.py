@@ -19,3 +19,5 @@ Homography = NDArray[np.floating[Any]]
 """(3, 3) float64; `H_dst_src` maps homogeneous source points to destination points."""
 Floats = NDArray[np.floating[Any]]
 """Any shape, float64 unless documented otherwise."""
+PageImage = NDArray[np.uint8] | NDArray[np.bool_]
+"""A page to be encoded: (H, W, 3) RGB, (H, W) gray, or (H, W) black and white, True for white."""

@@ -95,25 +95,37 @@ class JobLimits:
         return JobBounds(self.max_jobs, self.max_jobs_per_key, self.max_input_bytes)
 
 
-Enlist = Callable[[str, Any], None]
-"""Does what has to come with a new job: its id, and the driver's connection of the transaction that stores it."""
-Announce = Callable[[], Coroutine[Any, Any, None]]
-"""Tells whoever runs jobs in this process that there is one more."""
-Abandon = Callable[[str], Coroutine[Any, Any, None]]
-"""Stops a job if this process runs it, and waits for that."""
+def _ignore(job_id: str, connection: object) -> None:
+    """Nothing comes with a job where no process carries it."""
+
+
+async def _nothing(job_id: str = "") -> None:
+    """Nobody in this process runs jobs."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobWork:
+    """What a change of the jobs is for those who run them; nothing where this process runs none."""
+
+    enlist: Callable[[str, Any], None] = _ignore
+    """Does what has to come with a new job: its id, and the driver's connection of the transaction that stores it."""
+    announce: Callable[[], Coroutine[Any, Any, None]] = _nothing
+    """Tells whoever runs jobs in this process that there is one more."""
+    abandon: Callable[[str], Coroutine[Any, Any, None]] = _nothing
+    """Stops a job if this process runs it, and waits for that."""
 
 
 class Jobs:
     """The jobs of all services that share the store and the blobs."""
 
-    def __init__(self, store: LayoutStore, blobs: BlobAccess, limits: JobLimits) -> None:
+    def __init__(
+        self, store: LayoutStore, blobs: BlobAccess, limits: JobLimits, work: JobWork | None = None
+    ) -> None:
         self._store = store
         self._blobs = blobs
         self._limits = limits
         self.followers = Followers(store, limits.max_listeners, limits.heartbeat_s)
-        self.enlist: Enlist = _ignore
-        self.announce: Announce = _nothing
-        self.abandon: Abandon = _nothing
+        self._work = work or JobWork()
 
     # Accepting
 
@@ -210,7 +222,7 @@ class Jobs:
             callback_url=callback_url,
         )
         bounds, unneeded = self._limits.bounds, [key] if size else []
-        enlist = partial(self.enlist, job_id)
+        enlist = partial(self._work.enlist, job_id)
         # After any other error the job may be there: the connection may break when the commit is done already. The
         # sweep deletes what nobody needs.
         try:
@@ -222,7 +234,7 @@ class Jobs:
             await self._forget(unneeded)
             raise _key_reused() from None
         if is_new:
-            await self.announce()
+            await self._work.announce()
         else:
             await self._forget(unneeded)
         return job
@@ -275,7 +287,7 @@ class Jobs:
         if await self._store.call(lambda store: store.end_job(job.id, None, end, ttl_s)):
             log.info("job ended", extra={"job": job.id, "state": "cancelled"})
             await self._forget([job.input_key] if job.input_key else [])
-            await self.abandon(job.id)
+            await self._work.abandon(job.id)
 
     async def delete(self, job: StoredJob) -> None:
         """Delete a finished job with its result."""
@@ -325,11 +337,3 @@ def _busy(full: QueueFull) -> Busy:
 
 def _key_reused() -> KeyReused:
     return KeyReused("This Idempotency-Key came with a different request. Send a new key for new work.")
-
-
-def _ignore(job_id: str, connection: object) -> None:
-    pass
-
-
-async def _nothing(job_id: str = "") -> None:
-    pass

@@ -71,6 +71,7 @@ class _Running:
     written_s: float = field(default_factory=time.monotonic)
     is_lost: bool = False
     is_ending: bool = False
+    input_is_lost: bool = False
 
     def report(self, stage: str, fraction: float) -> None:
         """Note progress. The fraction never decreases."""
@@ -176,7 +177,7 @@ class JobRunner:
         parts = _nothing() if job.input_key is None else self._blobs.read(job.input_key)
         request_id = str(job.request["request_id"])
         try:
-            answer = await self._do(job.request, _told_loss(parts), JobRun(running.report))
+            answer = await self._do(job.request, _told_loss(parts, running), JobRun(running.report))
             size = len(answer.body)
             if size > self._limits.max_result_bytes:
                 raise TooLarge(
@@ -190,7 +191,7 @@ class JobRunner:
     async def _finish(self, lease: Lease, answer: Response) -> str:
         """Write the answer, or hand the job back; what became of the job."""
         job, code = lease.job, _problem_code(answer)
-        if code in HANDED_BACK and not _is_lost_input(answer):
+        if code in HANDED_BACK and not self._running[job.id].input_is_lost:
             if await self._hand_back(lease, self._limits.hand_back_s, is_attempt=False):
                 return "handed back"
         elif code == TRIED_AGAIN and job.attempts < self._limits.most_attempts:
@@ -267,12 +268,13 @@ async def _nothing() -> AsyncIterator[bytes]:
     yield b""
 
 
-async def _told_loss(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """The parts; if the blob is gone, `StoreUnavailable` with `_LOST_INPUT`."""
+async def _told_loss(parts: AsyncIterator[bytes], running: _Running) -> AsyncIterator[bytes]:
+    """The parts; if the blob is gone, `running` notes it, and the job is answered `StoreUnavailable`."""
     try:
         async for part in parts:
             yield part
     except BlobNotFound:
+        running.input_is_lost = True
         raise StoreUnavailable(_LOST_INPUT) from None
 
 
@@ -281,10 +283,6 @@ def _problem_code(answer: Response) -> str | None:
     if answer.headers.get("content-type") != "application/problem+json":
         return None
     return str(json.loads(bytes(answer.body)).get("code"))
-
-
-def _is_lost_input(answer: Response) -> bool:
-    return _LOST_INPUT[1:].encode() in bytes(answer.body)
 
 
 def _trace(request: dict[str, Any]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from app.jobs.callbacks import Callbacks, CallbackSettings
 from app.jobs.changes import ChangeListener
 from app.jobs.dispatch import Dispatch, Housekeeping, LocalDispatch
 from app.jobs.queue import QueueDispatch
-from app.jobs.registry import JobLimits, Jobs
+from app.jobs.registry import JobLimits, Jobs, JobWork
 from app.jobs.running import JobRunner, RunLimits
 from app.jobs.shared_blobs import LOOK_EVERY_S, SharedBlobs
 from app.jobs.stored_request import JobRun, do_request
@@ -40,7 +40,6 @@ class JobService:
         self,
         app: FastAPI,
         answer: FrameworkErrors,
-        jobs: Jobs,
         store: LayoutStore,
         blobs: BlobAccess,
         settings: Settings,
@@ -51,7 +50,6 @@ class JobService:
         async def do(request: dict[str, Any], body: AsyncIterator[bytes], run: JobRun) -> Response:
             return await do_request(routes, app, request, body, run)
 
-        self._jobs = jobs
         self._store = store
         self._queue: QueueStatus | None = None
         self._runner = JobRunner(
@@ -66,9 +64,11 @@ class JobService:
             if settings.database_url
             else LocalDispatch(self._runner, settings.workers)
         )
+        work = JobWork(self.dispatch.enlist, self.dispatch.announce, self._runner.abandon)
+        self.jobs = Jobs(store, blobs, job_limits(settings), work)
         self.shared_blobs = SharedBlobs(store, blobs)
         looks = [(LOOK_EVERY_S, self.shared_blobs.look)] if settings.database_url else []
-        self._housekeeping = Housekeeping(jobs, self._runner, self.dispatch, *looks)
+        self._housekeeping = Housekeeping(self.jobs, self._runner, self.dispatch, *looks)
         self.callbacks = Callbacks(
             store,
             CallbackSettings(
@@ -79,10 +79,8 @@ class JobService:
             ),
         )
         self._changes = (
-            ChangeListener(settings.database_url, jobs.followers) if settings.database_url else None
+            ChangeListener(settings.database_url, self.jobs.followers) if settings.database_url else None
         )
-        jobs.enlist, jobs.announce = self.dispatch.enlist, self.dispatch.announce
-        jobs.abandon = self._runner.abandon
 
     async def read_queue(self) -> None:
         """Read the numbers of the queue for `facts`."""
@@ -107,7 +105,7 @@ class JobService:
 
     async def stop(self, grace_s: float) -> None:
         """Take no more jobs. Those that still run after `grace_s` seconds are handed back."""
-        self._jobs.followers.close()
+        self.jobs.followers.close()
         if self._changes is not None:
             await self._changes.stop()
         await self.callbacks.stop()

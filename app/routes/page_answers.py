@@ -35,7 +35,7 @@ from services.contract.images import (
 
 Documentation = dict[int | str, dict[str, Any]]
 
-_BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 _HEADERS: dict[str, Any] = {
     "Document-Rotation": {
         "description": "Clockwise degrees by which the page was turned upright.",
@@ -55,6 +55,10 @@ _PAGES_HEADERS: dict[str, Any] = {
     },
     "Document-Advice": {
         "description": "Codes of advice for a better photo, separated by commas; empty for one that reads well.",
+        "schema": {"type": "string"},
+    },
+    "Document-Page-Id": {
+        "description": "Ids of the kept pages (keep_photo), separated by commas.",
         "schema": {"type": "string"},
     },
     "Document-Failed": {
@@ -116,7 +120,7 @@ def documented_page(
         200: {
             "description": "The flat page, or its description as JSON; the headers come with images only.",
             "model": model if pages_model is None else model | pages_model,
-            "content": {media_type: _BINARY for media_type in media_types if media_type != JSON},
+            "content": {media_type: BINARY for media_type in media_types if media_type != JSON},
             "headers": {
                 header: {"description": meaning, "schema": {"type": "string"}},
                 **_HEADERS,

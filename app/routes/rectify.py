@@ -9,6 +9,7 @@ from app.callers import caller_of
 from app.camera_memory import keep_cameras, known_cameras
 from app.form_parts import FormRoute
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
+from app.routes.kept_pages import keep_photos
 from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.ocr_languages import chosen_language
@@ -79,6 +80,8 @@ async def rectify(
         form.parameters(),
         text=form.text or encoding.needs_text,
         language=chosen_language(form.language, settings),
+        keep_photo=not form.preview
+        and (settings.keep_photos if form.keep_photo is None else form.keep_photo),
     )
     caller = caller_of(request)
 
@@ -97,6 +100,8 @@ async def rectify(
         request.state.seat.release()
         if settings.camera_memory:
             await keep_cameras(state.store, caller, reply.document)
+        if parameters.keep_photo:
+            await keep_photos(state, caller, reply, [photo.filename for photo in form.image])
         return await answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
 
     return await answer_now_or_later(request, state, work)
@@ -111,7 +116,15 @@ def check_preview(form: RectifyForm, encoding: Encoding) -> None:
     """
     if encoding.format != "json":
         raise InvalidOption("preview: a preview is JSON; send format=json as well.", "preview")
-    for name, asked in (("text", form.text), ("embed", encoding.embed), ("pages", form.pages == "both")):
+    for name, asked in (
+        ("text", form.text),
+        ("embed", encoding.embed),
+        ("pages", form.pages == "both"),
+        ("corners", bool(form.corners)),
+        ("rotate", form.rotate != "auto"),
+        ("margin", form.margin > 0),
+        ("keep_photo", bool(form.keep_photo)),
+    ):
         if asked:
             raise InvalidOption(
                 f"{name}: a preview does not have it; send the request without {name}, or without preview.",

@@ -35,6 +35,7 @@ class AppState:
     blobs: BlobAccess
     images: KeptImages
     sample_images: KeptImages
+    photos: KeptImages
     job_service: JobService
     review_order: ReviewOrder
     tokens: Tokens

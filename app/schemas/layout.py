@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.schemas.layout_samples import Appearance
 from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch
-from app.schemas.page import Answer, FlatPage, Warning
+from app.schemas.page import Answer, FlatPage, Orientation, Warning
 from app.schemas.review import Decision
 from services.contract.fields import FieldType, ValueProblem
 from services.contract.layout import LayoutFormat
@@ -264,6 +264,11 @@ class LayoutResult(Answer):
     page: FlatPage | None = Field(
         default=None,
         description="With rectify=true: the flat page in whose pixels the zones are, and where it lies in the photo.",
+    )
+    orientation: Orientation | None = Field(
+        default=None,
+        description="How the image was turned, since it read so; places are those in the turned image. null: it was "
+        "not looked for (zones were sent, nothing was read, or `page` has it).",
     )
     image: KeptImage | None = Field(
         default=None, description="The kept picture of the page; null: none is kept."

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic_core import PydanticCustomError
 
 from app.schemas.options import (
+    TURN,
     WRONG_NUMBER_OF_FILES,
     AskedFormat,
     AskedPdfVersion,
@@ -23,6 +24,8 @@ from app.schemas.options import (
     Switch,
     Title,
     Upright,
+    checked_turns,
+    turn_of,
 )
 from app.schemas.page import Answer, Embedded, EmbeddedMediaType, Orientation, Point, Warning
 from app.schemas.page_text import ReadText as PageText
@@ -59,6 +62,12 @@ def _as_text(schema: dict[str, Any]) -> None:
     schema |= {"type": "string", "pattern": BASE_PATTERN}
 
 
+def _one_turn(turns: str) -> str:
+    if "," in turns:
+        raise ValueError("expected auto, 0, 90, 180 or 270: a mosaic is one page")
+    return turns
+
+
 class MosaicForm(BaseModel):
     """The multipart form of POST /mosaic."""
 
@@ -86,6 +95,12 @@ class MosaicForm(BaseModel):
         description="selective: each word from the sharpest photo; else a feathered average, for comparison.",
     )
     upright: Upright = True
+    rotate: Annotated[str, BeforeValidator(checked_turns), AfterValidator(_one_turn)] = Field(
+        default="auto",
+        description="Clockwise turn of the page in degrees, in place of the one that `upright` finds: auto, 0, 90, 180 "
+        "or 270.",
+        json_schema_extra={"pattern": f"^({TURN})?$"},
+    )
     illumination: Illumination = "normalize"
     camera: CameraName = None
     text: ReadText = False
@@ -123,6 +138,7 @@ class MosaicForm(BaseModel):
             text=self.text,
             language=self.language or None,
             camera=self.camera or None,
+            rotate=turn_of(self.rotate),
         )
 
 

@@ -1,5 +1,6 @@
 """Options that several requests have in common, and conversions of form and JSON values."""
 
+import re
 from typing import Annotated
 
 from pydantic import BeforeValidator, Field, StringConstraints
@@ -50,6 +51,28 @@ the OpenAPI document otherwise lacks the bounds."""
 Absent = SkipJsonSchema[None]
 """An absent field; a form has no null."""
 
+TURN = "auto|0|90|180|270"
+"""Pattern of `rotate`."""
+TURNS_PATTERN = f"^(({TURN})(,({TURN}))*)?$"
+"""Pattern of `rotate` for several pages. An empty field counts as absent, as for every field of a form."""
+
+
+def checked_turns(value: object) -> object:
+    """`rotate` in small letters and without blanks; refused unless every entry is `auto` or a quarter turn."""
+    if not isinstance(value, str):
+        return value
+    entries = value.lower().replace(" ", "") or "auto"
+    if re.fullmatch(TURNS_PATTERN, entries) is None:
+        raise ValueError("expected auto, 0, 90, 180 or 270, or one of them for each page as auto,90,auto")
+    return entries
+
+
+def turn_of(entry: str) -> rectify.Rotation | None:
+    """The clockwise degrees of an entry of `rotate`; None for `auto`."""
+    turns: dict[str, rectify.Rotation] = {"0": 0, "90": 90, "180": 180, "270": 270}
+    return turns.get(entry)
+
+
 Upright = Annotated[
     Switch,
     Field(
@@ -59,7 +82,10 @@ Upright = Annotated[
 ]
 Illumination = Annotated[
     rectify.Illumination,
-    Field(description="Remove uneven light and shadow: dark text on white paper."),
+    Field(
+        description="normalize: remove uneven light and shadow: dark text on white paper; gray: the same in gray; "
+        "bw: in black and white, Group 4 in PDFs and TIFF files."
+    ),
 ]
 AskedFormat = Annotated[
     AnswerFormat | Absent,

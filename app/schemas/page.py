@@ -16,9 +16,19 @@ class Answer(BaseModel):
 class Orientation(Answer):
     """Rotation and mirroring that turned the flat view upright."""
 
-    rotation_deg: Literal[0, 90, 180, 270] = Field(description="Clockwise, after the mirroring if any.")
+    rotation_deg: Literal[0, 90, 180, 270] = Field(
+        description="Clockwise turn, after the mirroring if any, of the page whose lines were made level; what made "
+        "them level is not in it."
+    )
     mirrored: bool
     confidence: float | None = Field(ge=0, le=1, description="null: no text was read.")
+    photo_rotation_deg: float | None = Field(
+        default=None,
+        ge=0,
+        lt=360,
+        description="Clockwise turn of the flat page against the photo (of a mirrored page: the mirrored photo), all "
+        "in all; null for a mosaic.",
+    )
 
 
 class Size(Answer):

@@ -6,10 +6,11 @@ import re
 from typing import Annotated, Literal
 
 from fastapi import UploadFile
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from app.schemas.capture import Quality as PhotoQuality
 from app.schemas.options import (
+    TURNS_PATTERN,
     Absent,
     AskedArchive,
     AskedPagesFormat,
@@ -26,14 +27,27 @@ from app.schemas.options import (
     Switch,
     Title,
     Upright,
+    checked_turns,
+    turn_of,
 )
 from app.schemas.page import Answer, Embedded, EmbeddedMediaType, FlatPage, Point, Warning
 from app.schemas.page_text import ReadText as PageText
 from app.schemas.problem import Problem
-from services.contract.rectify import Crop, OnNoText, PageKind, Pages, RectifyParameters
+from services.contract.rectify import (
+    MOST_MARGIN,
+    Corners,
+    Crop,
+    OnNoText,
+    PageKind,
+    Pages,
+    RectifyParameters,
+    Rotation,
+)
+from services.errors import InvalidOption
 
 REGION_POINTS = (3, 200)
 REGION_LIMIT_PX = 1e6
+CORNERS = 4
 _NUMBER = r"-?(0|[1-9][0-9]{0,5})(\.[0-9]{1,6})?"
 _POINT = rf"\[ ?{_NUMBER} ?, ?{_NUMBER} ?\]"
 REGION_PATTERN = rf"^(\[ ?{_POINT}( ?, ?{_POINT}){{2,199}} ?\])?$"
@@ -78,6 +92,55 @@ def _checked_region(text: str) -> str:
     return text
 
 
+_CORNERS = rf"\[ ?{_POINT}( ?, ?{_POINT}){{3}} ?\]"
+CORNERS_PATTERN = rf"^({_CORNERS}|\[ ?({_CORNERS}|null)( ?, ?({_CORNERS}|null)){{0,63}} ?\])?$"
+"""Pattern of `corners` in the OpenAPI document; see `REGION_PATTERN`."""
+MOST_PAGES = 1000
+"""Entries of `corners` and `rotate`; the limit of pages is lower."""
+
+
+def parse_corners(text: str) -> tuple[Corners | None, ...]:
+    """The four corners of each page, None where they are sought, from JSON `[[x, y], ...]` or a list of such lists.
+
+    Raises
+    ------
+    ValueError
+        When the text is neither four points nor a list of four points or null for each page.
+    """
+    expected = (
+        "expected JSON [[x, y], [x, y], [x, y], [x, y]], or a list of such corners and null for several pages"
+    )
+    try:
+        sent = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"{expected}; it is not JSON") from error
+    if not isinstance(sent, list) or not 0 < len(sent) <= MOST_PAGES:
+        raise ValueError(expected)
+    one_page = len(sent) > 0 and isinstance(sent[0], list) and not any(isinstance(v, list) for v in sent[0])
+    return tuple(_corners(entry, expected) for entry in ([sent] if one_page else sent))
+
+
+def _corners(entry: object, expected: str) -> Corners | None:
+    if entry is None:
+        return None
+    if not isinstance(entry, list) or len(entry) != CORNERS:
+        raise ValueError(f"{expected}; a sheet has {CORNERS} corners")
+    for point in entry:
+        if not isinstance(point, list) or len(point) != 2 or not all(map(_is_coordinate, point)):
+            raise ValueError(f"{expected}, each of two finite numbers of at most {REGION_LIMIT_PX:g} in size")
+    a, b, c, d = ((float(x), float(y)) for x, y in entry)
+    return a, b, c, d
+
+
+def _checked_corners(text: str) -> str:
+    parse_corners(text)
+    return text
+
+
+def _parse_turns(text: str) -> tuple[Rotation | None, ...]:
+    return tuple(turn_of(entry) for entry in text.split(","))
+
+
 PAPER_PATTERN = "^(auto|none|a3|a4|a5|letter|legal|[1-9][0-9]{1,2}x[1-9][0-9]{1,2}(mm)?)$"
 """Pattern of `paper` in the OpenAPI document. The parser also accepts tenths of a millimetre, and sizes to 5000."""
 _PAPER = re.compile(r"auto|none|a3|a4|a5|letter|legal|(\d{2,4}(?:\.\d)?)x(\d{2,4}(?:\.\d)?)(mm)?")
@@ -113,6 +176,23 @@ class RectifyForm(BaseModel):
         "around the page's text, to guide text identification. For one photo only.",
         json_schema_extra={"contentMediaType": "application/json", "pattern": REGION_PATTERN},
     )
+    corners: Annotated[str, AfterValidator(_checked_corners)] | Absent = Field(
+        default=None,
+        description="JSON [[x, y], [x, y], [x, y], [x, y]]: the sheet's corners in the photo, pixels after its EXIF "
+        "rotation, clockwise from the page's top left. They are exact and not moved; the sides between them are "
+        "sought. Several pages: a list with an entry for each, null where they are to be found.",
+        json_schema_extra={"contentMediaType": "application/json", "pattern": CORNERS_PATTERN},
+    )
+    rotate: Annotated[str, BeforeValidator(checked_turns)] = Field(
+        default="auto",
+        description="Clockwise turn of the flat page in degrees, in place of the one that `upright` finds (which "
+        "`orientation.rotation_deg` says), or with `corners` of the page that begins at the first of them: auto, 0, "
+        "90, 180 or 270. Several pages: an entry for each, as auto,90,auto, or one for all.",
+        json_schema_extra={"pattern": TURNS_PATTERN},
+    )
+    margin: Annotated[float, Field(ge=0, le=MOST_MARGIN, allow_inf_nan=False)] = Field(
+        default=0.0, description="What is shown around the cut, percent of the page's width."
+    )
     illumination: Illumination = "keep"
     crop: Crop = Field(
         default="sheet",
@@ -130,15 +210,21 @@ class RectifyForm(BaseModel):
         "proportions), none, a3, a4, a5, letter, legal, or width x height in millimetres (210x297).",
         json_schema_extra={"pattern": PAPER_PATTERN},
     )
-    on_no_text: OnNoText = Field(
-        default="refuse",
+    on_no_text: OnNoText | Absent = Field(
+        default=None,
         description="keep: pass a photo through as it is when neither text nor an outline shows its page's shape; "
-        "refuse: answer `no-text`.",
+        "refuse: answer `no-text`. Default: refuse for one page, keep for several.",
     )
     preview: Switch = Field(
         default=False,
         description="With format=json, for live use: mesh, outline, quality and advice from a reduced photo. Nothing "
         "is drawn, read or turned upright.",
+    )
+    keep_photo: Switch | Absent = Field(
+        default=None,
+        description="Keep the photo with what later answers need: the response has `page_id` (header "
+        "`Document-Page-Id`), see /pages. Default: the setting KEEP_PHOTOS (false, unless the operator has changed "
+        "it).",
     )
     camera: CameraName = None
     text: ReadText = False
@@ -155,7 +241,19 @@ class RectifyForm(BaseModel):
     callback_url: CallbackUrl = None
 
     def parameters(self) -> RectifyParameters:
-        """The options of the rectification, without those of the response format."""
+        """The options of the rectification, without those of the response format.
+
+        Raises
+        ------
+        InvalidOption
+            When `corners` come with an option that does not go with them.
+        """
+        for name, asked in (("region", self.region is not None), ("pages", self.pages == "both")):
+            if self.corners and asked:
+                raise InvalidOption(
+                    f"corners: they are those of one sheet; send the request without {name}, or without corners.",
+                    "corners",
+                )
         return RectifyParameters(
             kind=self.kind,
             upright=self.upright and not self.preview,
@@ -170,6 +268,9 @@ class RectifyForm(BaseModel):
             language=self.language or None,
             preview=self.preview,
             camera=self.camera or None,
+            corners=parse_corners(self.corners) if self.corners else (),
+            rotate=_parse_turns(self.rotate),
+            margin=self.margin,
         )
 
 
@@ -301,6 +402,9 @@ class RectifyResult(FlatPage):
     timings_ms: dict[str, float]
     image: Embedded = None
     image_media_type: EmbeddedMediaType = None
+    page_id: str | None = Field(
+        default=None, description="Id of the kept page, as in /pages/{id}; null: its photo was not kept."
+    )
 
 
 class FailedPage(Answer):

@@ -1,6 +1,6 @@
 """New classes among unknown pages, classes to merge and classes to split: what is found, and what is proposed wrongly.
 
-    python -m benchmarks.layout_discovery [--no-reading] [--limit N]
+    python -m benchmarks layout_discovery [--no-reading] [--limit N]
 
 Each of the eleven classes is withheld in turn; two models are made of halves of one class; one model of two classes.
 """

@@ -1,6 +1,6 @@
 """Documents of several pages: their class by all pages beside that of every page alone, and labels of later pages.
 
-python -m benchmarks.layout_documents [--documents 12] [--samples 2 3 5 8]
+python -m benchmarks layout_documents [--documents 12] [--samples 2 3 5 8]
 
 Simulated letters, memos and papers of two publications, of 1 to 4 pages; models of so many simulated documents each,
 none of which is tested. Zones are the true ones.

@@ -1,6 +1,6 @@
 """Many models: class decisions and time with the hierarchy and without, against the number of models.
 
-python -m benchmarks.layout_hierarchy [--pages N] [--data FOLDER]
+python -m benchmarks layout_hierarchy [--pages N] [--data FOLDER]
 
 Publications are the classes of the shared pages, those of simulated ones, and restyled copies of both
 (`restyled_pages`); without the shared pages they are of simulated ones only.

@@ -1,6 +1,6 @@
 """Time, proofs and gaps of matching on simulated cost tables of pages, against the number of zones and labels.
 
-python -m benchmarks.layout_matching [--pages 20] [--two-steps]
+python -m benchmarks layout_matching [--pages 20] [--two-steps]
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Whether what recognition writes as PAGE-XML and ALTO is valid by the schemas themselves.
 
-python -m benchmarks.layout_schemas --page pagecontent.xsd --alto alto-4-4.xsd
+python -m benchmarks layout_schemas --page pagecontent.xsd --alto alto-4-4.xsd
 
 The schemas are not ours to bring along: PAGE's is in github.com/PRImA-Research-Lab/PAGE-XML (2019-07-15), ALTO's
 in github.com/altoxml/schema (v4/alto-4-4.xsd; its import of xlink.xsd must lead to a file).

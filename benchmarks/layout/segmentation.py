@@ -1,6 +1,6 @@
 """Our page segmentation against the true zones of the labelled pages, with the engine's words and without.
 
-python -m benchmarks.layout_segmentation [--sets titles/real/jose,letters/made] [--labels] [--sheets] [--limit N]
+python -m benchmarks layout_segmentation [--sets titles/real/jose,letters/made] [--labels] [--sheets] [--limit N]
 
 Shares of true zones, each counted once, by the areas of boxes (benchmarks/segmentation_matching.py):
 

@@ -73,6 +73,7 @@ class Options:
     memory: Path | None
     pictures: Path
     own_pages: tuple[str, ...] = ()
+    corners: bool = False
 
 
 class Bench:
@@ -138,7 +139,8 @@ def run_case(case: Case, bench: Bench) -> CaseFigures:
 def _rectified(case: Case, photo: SimulatedPhoto, bench: Bench) -> RectifyResult:
     """The answer; of an opened book, the one that shows the case's page best."""
     if not case.facing:
-        return rectify_photo(photo.image, bench.engine, photo.exif_focal_length_px)
+        corners = photo.truth.outline(1)[:4] if bench.options.corners else None
+        return rectify_photo(photo.image, bench.engine, photo.exif_focal_length_px, corners)
     answers = rectify_spread(photo.image, bench.engine)
 
     def shown(answer: RectifyResult) -> int:
@@ -229,6 +231,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.no_reading and options.update_baseline:
         parser.error("a baseline holds OCR scores too: no --no-reading with --update-baseline")
+    if options.corners and options.update_baseline:
+        parser.error("the baseline is that of outlines that are seen: no --corners with --update-baseline")
     metrics = {name: METRICS[name] for name in METRICS if not (options.no_reading and name in OCR_METRICS)}
     data = data_folder(options.data)
     chosen = tuple(options.pages.split(",")) if options.pages else CHOSEN_PAGES
@@ -253,7 +257,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     names = tuple(page.name for page in pages)
     own = sorted({name for experiment in experiments for name in experiment.pages})
-    sent = replace(sent, own_pages=tuple(own))
+    sent = replace(sent, own_pages=tuple(own), corners=options.corners)
     runs = [
         (experiment, degraded, all_cases(experiment, names, degraded=degraded)[: options.limit])
         for experiment in experiments
@@ -269,7 +273,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             done.append(figures)
             progress.tell(f"{experiment.name} {_progress(figures)}")
         done.sort(key=lambda case: case.name)
-        print(f"===== {name}: {len(done)} photos =====\n\n{report(done, experiment.name)}")
+        given = ", true corners given" if options.corners else ""
+        print(f"===== {name}{given}: {len(done)} photos =====\n\n{report(done, experiment.name)}")
         save_run(experiment, done, OUTPUT / name, degraded=degraded)
         verdict, good = judge(
             BASELINE / f"{name}.json", figures_by_case(done), metrics, update=options.update_baseline
@@ -300,5 +305,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--pages", default="", help="comma-separated names of other flat pages of the data")
     add("--peers", action="store_true", help="page-dewarp too (slow; its pages are kept for the next time)")
     add("--peer-limit", type=int, default=None, help="page-dewarp on the first N photos of each only")
+    add("--corners", action="store_true", help="true corners are given where they lie in the photo")
     add("--no-reading", action="store_true", help="no OCR scores: much faster")
     return parser

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from benchmarks.dissertation_chain.rulings.page_rulings import MAJOR_SIGMA, MINO
 from benchmarks.dissertation_chain.strip_page import find_strips
 from services.arrays import RgbImage, Vector
 from services.contract.images import DocumentLimits, Encoding, ImageLimits
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import Corners, RectifyParameters
 from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.codec import decode_image
@@ -42,10 +43,20 @@ class FlowErrors:
 
 
 def rectify_photo(
-    photo: RgbImage, ocr: OcrEngine | None, exif_focal_length_px: float | None = None
+    photo: RgbImage,
+    ocr: OcrEngine | None,
+    exif_focal_length_px: float | None = None,
+    corners: Points | None = None,
 ) -> RectifyResult:
-    """The rectification as the service calls it, without EXIF (as the dissertation's) unless it is given."""
-    return rectify(photo, RectifyParameters(), exif_focal_length_px, ocr)
+    """The rectification as the service calls it, without EXIF (as the dissertation's) unless it is given.
+
+    `corners` (4, 2) are given as by a person, where all of them lie in the photo.
+    """
+    height, width = photo.shape[:2]
+    if corners is None or (corners < 0).any() or (corners > [width - 1, height - 1]).any():
+        return rectify(photo, RectifyParameters(), exif_focal_length_px, ocr)
+    known = cast(Corners, tuple((float(x), float(y)) for x, y in corners))
+    return rectify(photo, RectifyParameters(corners=(known,)), exif_focal_length_px, ocr)
 
 
 def rectify_spread(photo: RgbImage, ocr: OcrEngine | None) -> list[RectifyResult]:

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from services.contract.kept_pages import KeptPage
+
 TextFormat = Literal["hocr", "alto", "txt", "markdown"]
 """Formats of an answer that is the text of the pages."""
 AnswerFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json", "txt", "hocr", "alto", "markdown"]
@@ -112,9 +114,10 @@ class PageReply:
     """A flat page, as a worker returns it.
 
     `body` is the image file of type `media_type`, empty when the client wants JSON. `document` is the result of the
-    HTTP contract, ready for JSON.
+    HTTP contract, ready for JSON. `kept` has what is kept of each page that did not fail, None where nothing is.
     """
 
     body: bytes
     media_type: str
     document: dict[str, object]
+    kept: tuple[KeptPage | None, ...] = ()

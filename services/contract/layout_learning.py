@@ -8,7 +8,7 @@ Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """Algorithms by which a model learns from a verified page; `services.layout.learning.learners` implements them."""
 DEFAULT_LEARNER: Final[Learner] = "passive-aggressive"
 """The learner of models whose settings name none. It made the fewest errors on streams of verified pages
-(docs/decisions.md, 2026-11-22)."""
+(docs/decisions/learning.md)."""
 
 Stop = Literal["rounds", "held-out", "no-errors", "no-change", "effort"]
 """Why training ended: after the last round; the error on held-out pages rose; no error was left; a round changed

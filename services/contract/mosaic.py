@@ -5,7 +5,7 @@ from typing import Literal
 
 from services.contract.cameras import CameraMemory
 from services.contract.images import ImageLimits
-from services.contract.rectify import Illumination
+from services.contract.rectify import Illumination, Rotation
 
 Composition = Literal["selective", "average"]
 
@@ -19,7 +19,8 @@ class MosaicParameters:
 
     `base` is an index of a photo. When the photos form several parts that do not overlap, the mosaic shows the part
     with this photo. None: the largest part. `text` reads the page in `language`. `camera` names the camera of all
-    photos, None: each as EXIF names it; `cameras` are those that are remembered.
+    photos, None: each as EXIF names it; `cameras` are those that are remembered. `rotate` is the clockwise turn of the
+    page in place of the one that `upright` finds.
     """
 
     rectify: bool = True
@@ -31,6 +32,7 @@ class MosaicParameters:
     language: str | None = None
     camera: str | None = None
     cameras: tuple[CameraMemory, ...] = ()
+    rotate: Rotation | None = None
 
 
 @dataclass(frozen=True, slots=True)

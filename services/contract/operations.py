@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar
 
 from services.contract.images import PageReply
+from services.contract.kept_pages import RenderedPage
 from services.contract.layout import DocumentReply, LayoutReply
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import ModelDifference, ModelDraft
@@ -29,6 +30,11 @@ class Operations:
     """The operations of one service; a test can replace them. An operation has the arguments of its function."""
 
     rectify: Operation[PageReply] = Operation("services.operations.rectify_documents:rectify_uploads")
+    render_kept_page: Operation[tuple[PageReply, RenderedPage]] = Operation(
+        "services.operations.kept_pages:render_kept_page"
+    )
+    bind_kept_pages: Operation[PageReply] = Operation("services.operations.kept_pages:bind_kept_pages")
+    show_kept_photo: Operation[bytes] = Operation("services.operations.kept_pages:show_kept_photo")
     bind_done_pages: Operation[PageReply] = Operation("services.operations.rectify_documents:bind_done_pages")
     mosaic: Operation[PageReply] = Operation("services.operations.mosaic:mosaic_uploads")
     recognize_layout: Operation[LayoutReply | DocumentReply] = Operation(

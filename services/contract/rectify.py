@@ -6,10 +6,17 @@ from typing import Literal
 from services.contract.cameras import CameraMemory
 
 PageKind = Literal["auto", "planar", "curved"]
-Illumination = Literal["keep", "normalize"]
+Illumination = Literal["keep", "normalize", "gray", "bw"]
+"""`gray` and `bw` (black and white) are looks of a scanner; the light is evened out before."""
 Crop = Literal["sheet", "text", "photo"]
 Pages = Literal["main", "both"]
 OnNoText = Literal["refuse", "keep"]
+Rotation = Literal[0, 90, 180, 270]
+"""A clockwise turn in degrees."""
+Corners = tuple[tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]]
+"""Four points of the photo, clockwise from the page's top left."""
+MOST_MARGIN = 20.0
+"""Percent of the page's width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +27,14 @@ class RectifyParameters:
     the visible area: the sheet cut at its edges, the text with margins, or the photo around the page. `pages` "both"
     selects both pages of an open book. `paper` is `auto`, `none`, a paper format, or `210x297` in millimetres. `text`
     reads the page in `language` (`eng+fra`; None: the default). `on_no_text` "keep" passes a photo through as it is
-    when nothing shows the shape of its page. `preview` describes the page from a reduced photo and draws nothing.
-    `camera` names the camera, None: as EXIF names it; `cameras` are those that are remembered.
+    when nothing shows the shape of its page; None: where there are several pages. `preview` describes the page from a
+    reduced photo and draws nothing. `camera` names the camera, None: as EXIF names it; `cameras` are those that are
+    remembered.
+
+    `corners` are those of the sheet in each page's photo, pixels of the EXIF-upright photo; none, or one entry for each
+    page, None where they are sought. `rotate` is the turn of each page's view in place of the one that is found, None
+    where it is sought; a single entry is that of all pages. `margin` is what is shown around the cut, percent of the
+    page's width. `keep_photo`: the reply has what later answers need (`services.contract.kept_pages`).
     """
 
     kind: PageKind = "auto"
@@ -32,9 +45,23 @@ class RectifyParameters:
     crop: Crop = "sheet"
     pages: Pages = "main"
     paper: str = "auto"
-    on_no_text: OnNoText = "refuse"
+    on_no_text: OnNoText | None = None
     text: bool = False
     language: str | None = None
     preview: bool = False
     camera: str | None = None
     cameras: tuple[CameraMemory, ...] = ()
+    corners: tuple[Corners | None, ...] = ()
+    rotate: tuple[Rotation | None, ...] = (None,)
+    margin: float = 0.0
+    keep_photo: bool = False
+
+    @property
+    def page_corners(self) -> Corners | None:
+        """The corners of the only page, if they are given."""
+        return self.corners[0] if self.corners else None
+
+    @property
+    def page_turn(self) -> Rotation | None:
+        """The turn of the only page, if it is given."""
+        return self.rotate[0]

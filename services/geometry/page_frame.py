@@ -118,6 +118,21 @@ def mesh_of(frame: Frame, columns: int = 49, rows: int = 65) -> Floats:
     return fill_unknown(mesh)
 
 
+def turn_against_photo(mesh: Floats) -> float:
+    """Clockwise turn of a view against the photo, degrees from 0 to 360: the mean over its `mesh` (rows, columns, 2).
+
+    A mirrored view is compared with the mirrored photo.
+    """
+    along = (mesh[:, -1] - mesh[:, 0]).mean(axis=0) / (mesh.shape[1] - 1)
+    down = (mesh[-1] - mesh[0]).mean(axis=0) / (mesh.shape[0] - 1)
+    if along[0] * down[1] - along[1] * down[0] < 0:
+        along, down = along * [-1, 1], down * [-1, 1]
+    # The rotation that is nearest to both axes of the view in the photo.
+    along, down = along / np.linalg.norm(along), down / np.linalg.norm(down)
+    turned = np.arctan2(along[1] - down[0], along[0] + down[1])
+    return float(np.degrees(-turned) % 360)
+
+
 def fill_unknown(mesh: Floats) -> Floats:
     """`mesh` (rows, columns, 2) with the nearest known node's point where a node is not finite."""
     unknown = ~np.isfinite(mesh).all(axis=-1)

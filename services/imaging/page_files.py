@@ -14,7 +14,7 @@ from typing import Literal
 import pikepdf
 from PIL import Image
 
-from services.arrays import RgbImage
+from services.arrays import PageImage
 from services.contract.images import ArchiveContent
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 
@@ -40,14 +40,14 @@ class PagePart:
 
 
 def encode_part(
-    page: RgbImage,
+    page: PageImage,
     file_format: PagesFileFormat,
     image_format: OutputFormat = "jpeg",
     quality: int | None = None,
     dpi: float | None = None,
     icc_profile: bytes | None = None,
 ) -> PagePart:
-    """The part of a page (H, W, 3) RGB in a file of several pages.
+    """The part of a page, as `encode_image` takes it, in a file of several pages.
 
     `image_format` is that of the images in an archive. The other options are those of `encode_image`.
 
@@ -118,19 +118,21 @@ def _bind_tiff(parts: Sequence[PagePart]) -> bytes:
     buffer = io.BytesIO()
     first, *others = parts
     # One page is decoded at a time: Pillow asks the generator for the next one when it has written the last.
-    _open_part(first).save(
-        buffer, "TIFF", save_all=True, append_images=map(_open_part, others), **_tiff_options(first)
-    )
+    picture = _open_part(first)
+    options = _tiff_options(first, picture.mode)
+    picture.save(buffer, "TIFF", save_all=True, append_images=map(_open_part, others), **options)
     return buffer.getvalue()
 
 
 def _open_part(part: PagePart) -> Image.Image:
     picture = Image.open(io.BytesIO(part.data))
-    picture.encoderinfo = _tiff_options(part)
+    picture.encoderinfo = _tiff_options(part, picture.mode)
     return picture
 
 
-def _tiff_options(part: PagePart) -> dict[str, object]:
+def _tiff_options(part: PagePart, mode: str) -> dict[str, object]:
+    if mode == "1":
+        return {"compression": "group4", "dpi": (part.dpi, part.dpi)}
     return {
         "compression": "tiff_lzw",
         "tiffinfo": {317: 2},  # predictor, as of one page

@@ -59,6 +59,8 @@ class PagePicture(NamedTuple):
     """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
     stretch: tuple[float, float] = (1.0, 1.0)
     """Pixels of the page, at full size, per pixel of the file, along x and y, after they were made square."""
+    original: bytes | None = None
+    """The image file, if it has this page only."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -194,7 +196,9 @@ class _Image:
         return [count_pixels(self.data, self.limits)]
 
     def decode(self, page: int, enough_px: int | None) -> PagePicture:
-        return page_picture(decode_image(self.data, self.limits, page, enough_px))
+        return page_picture(decode_image(self.data, self.limits, page, enough_px))._replace(
+            original=self.data
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

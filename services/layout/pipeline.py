@@ -42,9 +42,10 @@ __all__ = [
     "complete_recognition",
     "complete_sample",
     "content_features",
+    "fine_page",
     "initialize_model",
-    "read_fine_page",
     "read_page",
+    "read_words",
     "readable",
     "recognize",
     "regroup",
@@ -59,15 +60,14 @@ LIGHT_GROUND = 96
 
 def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
     """The page of an image (H, W, 3): its zones with measurements, and with texts if there is an OCR engine."""
-    return read_fine_page(image, engine, features)[0]
+    return fine_page(image, read_words(luminance(image), engine), features)[0]
 
 
-def read_fine_page(
-    image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None
+def fine_page(
+    image: RgbImage, words: list[Word] | None, features: ContentFeatures | None = None
 ) -> tuple[Page, FinePage]:
-    """`read_page`, and the lines that its zones are made of, so that they can be regrouped (`regroup`)."""
-    gray = luminance(image)
-    fine = segment_finely(gray, _read_words(gray, engine))
+    """The page of an image with its `words`, and the lines that its zones are made of, to be regrouped (`regroup`)."""
+    fine = segment_finely(luminance(image), words)
     return (features or content_features()).measure_page(compose_page(fine)), fine
 
 
@@ -100,7 +100,7 @@ def complete_page(
         # Only text zones without text are a reason to run OCR, since rules and figures usually have none.
         unread = any(zone.kind == "text" and not zone.text for zone in page.zones)
         unread |= not any(zone.text for zone in page.zones)
-        words = _read_words(gray, engine) if unread else None
+        words = read_words(gray, engine) if unread else None
         page = fill_texts(measure_zones(gray, page), words or [])
     return (features or content_features()).measure_page(page)
 
@@ -117,7 +117,7 @@ def complete_sample(
     if image is None:
         return complete_page(page, None, None, features), None
     gray = luminance(image)
-    words = _read_words(gray, engine)
+    words = read_words(gray, engine)
     features = features or content_features()
     verified = features.measure_page(fill_texts(measure_zones(gray, page), words or []))
     found = features.measure_page(transfer_labels(page, segment_page(gray, words)))
@@ -221,7 +221,7 @@ def _join_pieces(
     return join_recognition(seen, features.measure_page(page), ordered)
 
 
-def _read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
+def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
     """Words of a page; None without an engine."""
     return None if engine is None else engine.read_page(readable(gray))
 

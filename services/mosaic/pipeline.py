@@ -100,8 +100,8 @@ def mosaic(
         page, placed = joined.image, joined.placed
         text_height_px = typical_text_height_px(placed)
         sharpness, corner = (1.0,) * len(placed), (0, 0)
-    orientation, notice = Orientation(0, False, None), None
-    if parameters.upright:
+    orientation, notice = Orientation(parameters.rotate or 0, False, None), None
+    if parameters.upright and parameters.rotate is None:
         with clock.stage("orientation"):
             orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
     turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)

@@ -31,7 +31,7 @@ from services.layout.pipeline import (
     complete_page,
     complete_recognition,
     content_features,
-    read_fine_page,
+    fine_page,
     recognize,
 )
 from services.layout.recognition.documents import PageInDocument, place_page
@@ -49,10 +49,18 @@ from services.operations.page_reading import check_installed
 from services.operations.page_zones import check_frame, read_file, read_zones
 from services.operations.reader import ocr_engine
 from services.operations.rectify import describe_flat_page
-from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
+from services.operations.replies import (
+    ENCODING_BEGINS,
+    describe_orientation,
+    describe_warnings,
+    timed,
+    to_json_ready,
+)
 from services.operations.stored_models import open_models
+from services.operations.upright_reading import read_as_it_lies, read_upright
 from services.progress import progress_within, report_progress
 from services.rectify.pipeline import rectify
+from services.rectify.results import Orientation
 
 FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 """Typical progress after flattening, and before matching."""
@@ -63,6 +71,7 @@ class MeasuredPage:
     """A page with measured zones, its picture (None without one), and warnings; its lines if we segmented it.
 
     `flat` is the `page` of the HTTP contract if the page was flattened, and `kept` its picture if it shall be kept.
+    `orientation` is the turn of the uploaded image to `image`; None where it was not looked for.
     """
 
     page: Page
@@ -71,6 +80,7 @@ class MeasuredPage:
     fine: FinePage | None = None
     flat: Mapping[str, object] | None = None
     kept: KeptPicture | None = None
+    orientation: Orientation | None = None
 
 
 def recognize_upload(
@@ -156,6 +166,8 @@ def describe_page(
     document["document_class"] = placed.document_class
     document["language"] = (options.language or default_language()) if was_read else None
     document["page"] = measured.flat
+    turned = measured.orientation
+    document["orientation"] = None if turned is None else describe_orientation(turned, turned.rotation_deg)
     document["image"] = None if measured.kept is None else measured.kept.describe()
     document["warnings"] = describe_warnings(measured.notices)
     ready: dict[str, object] = to_json_ready(document)
@@ -203,7 +215,6 @@ def measure_page(
     seen = 0.05
     notices: tuple[Notice, ...] = ()
     described: Mapping[str, object] | None = None
-    kept: KeptPicture | None = None
     if decode is not None:
         with timed("decode", timings_ms, 0.02):
             photo = decode()
@@ -216,14 +227,15 @@ def measure_page(
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms
             seen = FLATTENED
-        if options.keep_image_bytes:
-            with timed("picture", timings_ms):
-                kept = encode_kept_picture(picture, options.keep_image_bytes)
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
         with timed("zones", timings_ms, seen):
-            page, fine = read_fine_page(picture, engine, features)
-            return MeasuredPage(page, picture, notices, fine, described, kept)
+            upright = read_as_it_lies(picture, engine) if options.rectify else read_upright(picture, engine)
+            page, fine = fine_page(upright.image, upright.words, features)
+        kept = _keep(upright.image, options, timings_ms)
+        notices = (*notices, *upright.notices)
+        return MeasuredPage(page, upright.image, notices, fine, described, kept, upright.orientation)
+    kept = None if picture is None else _keep(picture, options, timings_ms)
     with timed("zones", timings_ms, seen):
         page = (
             read_zones(zones, settings)
@@ -232,6 +244,13 @@ def measure_page(
         )
         check_frame(page, picture)
         return MeasuredPage(complete_page(page, picture, engine, features), picture, notices, kept=kept)
+
+
+def _keep(picture: RgbImage, options: LayoutOptions, timings_ms: dict[str, float]) -> KeptPicture | None:
+    if not options.keep_image_bytes:
+        return None
+    with timed("picture", timings_ms):
+        return encode_kept_picture(picture, options.keep_image_bytes)
 
 
 def write_xml(recognition: Recognition, options: LayoutOptions, image_name: str) -> bytes:

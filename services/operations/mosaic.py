@@ -10,6 +10,7 @@ from services.contract.images import Encoding, PageReply
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.errors import TooLarge
 from services.imaging.codec import DecodedImage, count_pixels, decode_image
+from services.imaging.looks import scanner_look
 from services.imaging.page_images import naming_page
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
@@ -73,7 +74,8 @@ def mosaic_uploads(
     if text is not None:
         text = text.resized(result.image.shape[1], result.image.shape[0])
     source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
-    return make_reply(result.image, describe_mosaic(result), source, encoding, timings_ms, text)
+    page = scanner_look(result.image, parameters.illumination)
+    return make_reply(page, describe_mosaic(result), source, encoding, timings_ms, text)
 
 
 def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[DecodedImage]:
@@ -118,7 +120,7 @@ def describe_mosaic(result: MosaicResult) -> dict[str, object]:
         "width": width,
         "height": height,
         "base": result.base,
-        "orientation": describe_orientation(result.orientation),
+        "orientation": describe_orientation(result.orientation, None),
         "patches": [_describe_patch(patch) for patch in result.patches],
         "pairs": [_describe_pair(pair) for pair in result.pairs],
         "unplaced": result.unplaced,

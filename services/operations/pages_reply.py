@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast, get_args
 
-from services.arrays import RgbImage
+from services.arrays import PageImage
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
+from services.contract.kept_pages import KeptPage
 from services.errors import DocumentError, NotAcceptable
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 from services.imaging.page_files import PagePart, PagesFileFormat, archive_pages, bind_parts, encode_part
@@ -27,16 +28,18 @@ from services.text.page_text import PageText
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedPage:
-    """One page of an answer: its picture (H, W, 3) RGB, its HTTP document without `image`, its text if it was read.
+    """One page of an answer: its picture, as `encode_image` takes it, its HTTP document without `image`, and its text.
 
     `dpi` is the resolution of the picture, by the true size of the page or by the resolution of the upload; None if
     neither is known.
     """
 
-    image: RgbImage
+    image: PageImage
     document: Mapping[str, object]
     text: PageText | None = None
     dpi: float | None = None
+    kept: KeptPage | None = None
+    """What is kept of it, where the photo is to be kept."""
 
     def source(self, upload: SourceFacts) -> SourceFacts:
         """Facts of the upload, with the resolution of this picture."""
@@ -50,6 +53,7 @@ class EncodedPage:
     part: PagePart | None
     document: Mapping[str, object]
     text: PageText | None
+    kept: KeptPage | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +117,7 @@ def encode_page(
         part = PagePart(encode_image(page.image, target.image_format, quality, dpi, profile))
     text = None if page.text is None else describe_text(page.text)
     image = describe_image(embedded, target.image_format)
-    return EncodedPage(part, {**page.document, "text": text, **image}, page.text)
+    return EncodedPage(part, {**page.document, "text": text, **image}, page.text, page.kept)
 
 
 def bind_pages(
@@ -160,7 +164,7 @@ def bind_pages(
         "warnings": describe_warnings(notices),
         "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
     }
-    return PageReply(body, MEDIA_TYPES[target.format], ready)
+    return PageReply(body, MEDIA_TYPES[target.format], ready, tuple(page.kept for page in pages))
 
 
 def make_pages_reply(

@@ -11,10 +11,13 @@ from services.contract.images import Encoding, PageReply
 from services.contract.rectify import RectifyParameters
 from services.documents.paper_size import measure_size, size_of_photo
 from services.errors import NoText
+from services.geometry.page_frame import turn_against_photo
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.looks import scanner_look
 from services.imaging.page_images import PagePicture
 from services.imaging.square_pixels import square_pixels
 from services.operations.capture_reply import describe_quality
+from services.operations.page_bundle import keep_page
 from services.operations.page_reading import READING_BEGINS, READING_CUT, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
@@ -84,7 +87,8 @@ def rectify_picture(
         result = _flatten(photo, parameters)
     page = describe_page(result, parameters, encoding, photo)
     timings_ms |= result.timings_ms
-    return make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms, page.text)
+    reply = make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms, page.text)
+    return replace(reply, kept=(page.kept,))
 
 
 def flatten_picture(
@@ -100,8 +104,12 @@ def flatten_picture(
     parameters = name_camera(in_square_pixels(parameters, photo.stretch), photo)
     if parameters.preview:
         return [describe_preview(photo, parameters)[0]]
-    both = parameters.pages == "both"
-    results = _flatten_spread(photo, parameters).pages if both else (_flatten(photo, parameters),)
+    if parameters.pages == "both":
+        found = _flatten_spread(photo, parameters)
+        # Notices about both pages have no place of their own in an answer of several photos.
+        results = [replace(page, warnings=(*found.warnings, *page.warnings)) for page in found.pages]
+    else:
+        results = [_flatten(photo, parameters)]
     return [describe_page(result, parameters, encoding, photo) for result in results]
 
 
@@ -117,9 +125,9 @@ def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult
         engine = ocr_engine(parameters.language)
         return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
     except NoText as refusal:
-        if parameters.on_no_text == "refuse":
+        if parameters.on_no_text != "keep":
             raise
-        return keep_photo(photo.pixels, refusal)
+        return keep_photo(photo.pixels, refusal, parameters.page_turn or 0)
 
 
 def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> RectifiedPages:
@@ -127,9 +135,9 @@ def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> Rectif
         engine = ocr_engine(parameters.language)
         return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
     except NoText as refusal:
-        if parameters.on_no_text == "refuse":
+        if parameters.on_no_text != "keep":
             raise
-        return RectifiedPages((keep_photo(photo.pixels, refusal),), (), {})
+        return RectifiedPages((keep_photo(photo.pixels, refusal, parameters.page_turn or 0),), (), {})
 
 
 def describe_page(
@@ -149,7 +157,12 @@ def describe_page(
         quality = describe_quality(photo.pixels, result, words=None if text is None else text.words)
     view = reduce_view(result, encoding)
     page = _document(result, view, parameters, photo, quality)
+    # The look comes last: gray levels are read, and reduced, better than black and white.
+    page = replace(page, image=scanner_look(view.image, parameters.illumination))
     height, width = view.image.shape[:2]
+    if parameters.keep_photo:
+        with timed("keeping", result.timings_ms):
+            page = replace(page, kept=keep_page(result, page, parameters, photo))
     return page if text is None else replace(page, text=text.resized(width, height))
 
 
@@ -164,7 +177,7 @@ def describe_preview(
     try:
         found = preview_page(photo.pixels, reduced, photo.focal_length_px, photo.is_document)
     except NoText as refusal:
-        if parameters.on_no_text == "refuse":
+        if parameters.on_no_text != "keep":
             raise
         found = keep_photo(photo.pixels, refusal)
     with timed("quality", found.timings_ms):
@@ -235,7 +248,7 @@ def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> di
     return {
         "photo": {"width": photo_size[0], "height": photo_size[1]},
         "corners": corners,
-        "orientation": describe_orientation(result.orientation),
+        "orientation": describe_orientation(result.orientation, turn_against_photo(result.mesh)),
         "width": width,
         "height": height,
         "mesh": {

@@ -22,6 +22,7 @@ from services.operations.pages_reply import (
 from services.operations.rectify import flatten_picture, rectify_picture
 from services.operations.replies import ENCODING_BEGINS, SourceFacts, timed
 from services.progress import progress_within
+from services.rectify.parameter_checks import parameters_of_page
 from services.rectify.preview import PREVIEW_PX
 
 
@@ -56,13 +57,14 @@ def rectify_uploads(
     page_limits = PageLimits(limits.image, limits.max_pages, limits.max_megapixels)
     with open_pages(uploads, page_limits, lenient=True) as sources:
         if len(sources) == 1:
-            return rectify_picture(sources[0].decode, parameters, encoding)
+            return rectify_picture(sources[0].decode, parameters_of_page(parameters, 0, 1), encoding)
         if parameters.region is not None:
             raise InvalidOption(
                 f"region: it is of one photo, and {len(sources)} pages were sent; send the photo of the region alone.",
                 "region",
             )
-        return _rectify_pages(sources, parameters, encoding, PageJournal(journal), too_slow)
+        of_pages = [parameters_of_page(parameters, index, len(sources)) for index in range(len(sources))]
+        return _rectify_pages(sources, of_pages, encoding, PageJournal(journal), too_slow)
 
 
 def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
@@ -85,7 +87,7 @@ def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
 
 def _rectify_pages(
     sources: Sequence[PageSource],
-    parameters: RectifyParameters,
+    of_pages: Sequence[RectifyParameters],
     encoding: Encoding,
     journal: PageJournal,
     too_slow: str,
@@ -106,6 +108,7 @@ def _rectify_pages(
         note(SourceOutcome(error=NotDoneInTime(f"{slow.label}: {too_slow}", slow.field)))
     for index, source in enumerate(sources[len(outcomes) :], len(outcomes)):
         share = ENCODING_BEGINS / len(sources)
+        parameters = of_pages[index]
         with progress_within(index * share, (index + 1) * share):
             try:
                 picture = _decode(source, timings_ms, PREVIEW_PX if parameters.preview else None)

@@ -13,7 +13,7 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
-from services.arrays import RgbImage
+from services.arrays import PageImage
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
 from services.documents.searchable_pdf import PdfFacts, finish_pdf
 from services.heap import release_freed_memory
@@ -40,7 +40,7 @@ class SourceFacts:
 
 
 def make_reply(
-    page: RgbImage,
+    page: PageImage,
     document: dict[str, object],
     source: SourceFacts,
     encoding: Encoding,
@@ -78,7 +78,7 @@ def make_reply(
 
 
 def _encode_page(
-    page: RgbImage,
+    page: PageImage,
     image_format: OutputFormat,
     source: SourceFacts,
     encoding: Encoding,
@@ -119,12 +119,13 @@ def describe_image(embedded: str | None, image_format: OutputFormat) -> dict[str
     return {"image": embedded, "image_media_type": None if embedded is None else MEDIA_TYPES[image_format]}
 
 
-def describe_orientation(orientation: Orientation) -> dict[str, object]:
-    """The `orientation` of the HTTP contract."""
+def describe_orientation(orientation: Orientation, photo_rotation_deg: float | None) -> dict[str, object]:
+    """The `orientation` of the HTTP contract; the second turn is that against the only photo, None of a mosaic."""
     return {
         "rotation_deg": orientation.rotation_deg,
         "mirrored": orientation.mirrored,
         "confidence": rounded(orientation.confidence),
+        "photo_rotation_deg": None if photo_rotation_deg is None else round(photo_rotation_deg, 1) % 360,
     }
 
 

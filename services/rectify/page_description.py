@@ -40,7 +40,9 @@ def describe_page(
         mesh,
         tuple(notices),
         clock.timings_ms,
-        corners_by_view(page.outline, mesh, mirrored=orientation.mirrored),
+        corners_by_view(page.outline, mesh, mirrored=orientation.mirrored)
+        if page.corners is None
+        else np.roll(page.corners, orientation.rotation_deg // 90, axis=0),
         printed,
         page.shape.sheet_aspect,
     )

@@ -2,9 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import get_args
 
-from services.arrays import RgbImage
-from services.contract.rectify import PageKind, RectifyParameters
+import numpy as np
+
+from services.arrays import Points, RgbImage
+from services.contract.rectify import Crop, PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import turn_frame
@@ -24,16 +27,20 @@ from services.rectify.parameter_checks import check_parameters
 from services.rectify.results import Orientation, RectifyResult
 from services.rectify.shape_choice.choice import rank_shapes
 from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page, may_be_flat
+from services.rectify.shape_choice.given_corners import page_between
 from services.rectify.shape_choice.principal_point import find_principal_point
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import refusal_of_text
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
-from services.rectify.view.judged_view import best_view
+from services.rectify.view.held_corners import end_at_corners, with_margin
+from services.rectify.view.judged_view import JudgedView, best_view, judge_view
 from services.rectify.view.orientation import orient_page
 from services.rectify.view.paper_fit import fit_to_paper
+from services.rectify.view.view_plan import ViewPlan, plan_view
 from services.sheet.outline.detection import find_outline
+from services.sheet.outline.given_corners import outline_between
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.shape import PageShape
@@ -106,8 +113,8 @@ def flatten_page(
         view = best_view(photo, page, parameters)
     page, frame = view.page, view.frame
     notices, analysis = [*page.notices, *view.notices], page.analysis
-    orientation = Orientation(0, False, None)
-    if parameters.upright:
+    orientation = Orientation(parameters.page_turn or 0, False, None)
+    if parameters.upright and parameters.page_turn is None and page.corners is None:
         with clock.stage("orientation"):
             orientation, notice = orient_page(photo, analysis, frame, ocr)
         notices += [notice] if notice else []
@@ -115,17 +122,42 @@ def flatten_page(
     stretch = None
     if parameters.crop == "sheet":
         frame, stretch = fit_to_paper(frame, page, parameters.paper)
+        if stretch is not None and page.corners is not None:
+            turned = np.roll(page.corners, orientation.rotation_deg // 90, axis=0)
+            frame = end_at_corners(frame, turned, (frame.width, frame.height))
+    border, paper = view.border, view.paper
+    if parameters.margin > 0:  # what lies around the cut is wanted
+        frame, border, paper = with_margin(frame, parameters.margin), None, None
     release_freed_memory()
     with clock.stage("remap"):
-        flat = draw_flat_view(photo, frame, view.border, view.paper)
-    if parameters.illumination == "normalize":
+        flat = draw_flat_view(photo, frame, border, paper)
+    if parameters.illumination != "keep":  # looks of a scanner are made of it
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
             flat = normalize_illumination(flat, places)
     printed = None if analysis is None else sample_print(analysis, page.on_page)
     judged = (view.print_kept, view.error_percent)
     described = describe_page(page, flat, frame, orientation, notices, clock, printed, judged)
-    return replace(described, stretch=stretch)
+    plan = None
+    if parameters.keep_photo:
+        with clock.stage("plan"):
+            plan = plan_views(photo, view, parameters)
+    return replace(described, stretch=stretch, plan=plan)
+
+
+def plan_views(photo: RgbImage, answered: JudgedView, parameters: RectifyParameters) -> ViewPlan:
+    """How all views of the page of the `answered` one are drawn, before they are turned."""
+    page, views = answered.page, {}
+    for crop in get_args(Crop):
+        view = answered if crop == parameters.crop else judge_view(photo, page, crop)
+        frame = view.frame
+        if crop == "sheet":
+            frame, stretch = fit_to_paper(frame, page, parameters.paper)
+            if stretch is not None and page.corners is not None:
+                frame = end_at_corners(frame, page.corners, (frame.width, frame.height))
+        text = None if page.analysis is None else page.characters
+        views[crop] = plan_view(frame, view.border, view.paper, text)
+    return ViewPlan(views)
 
 
 def find_page(
@@ -144,6 +176,10 @@ def find_page(
     """
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = requested_prior(view, parameters, exif_focal_length_px)
+    if parameters.page_corners is not None:
+        return _find_page_between(
+            Halves(photo), np.array(parameters.page_corners), view, prior, parameters.kind, clock
+        )
     outline, sought, halves = None, False, Halves(photo)
     is_flat_asked = may_be_flat(parameters)
     try:
@@ -175,6 +211,28 @@ def find_page(
             if flat is not None:
                 return flat
             return find_textless_page(photo, outline, view, prior, refusal)
+
+
+def _find_page_between(
+    halves: Halves,
+    corners: Points,
+    view: PhotoFrame,
+    prior: FocalPrior,
+    kind: PageKind,
+    clock: StageClock,
+) -> ShapedPage:
+    """The page between its given `corners` (4, 2), clockwise from its top left; its text refines the inside."""
+    with clock.stage("outline"):
+        outline = outline_between(halves, corners)
+    on_sheet = tuple((float(x), float(y)) for x, y in outline.polygon)
+    page = None
+    try:
+        analysis = analyse_photo(halves, on_sheet, clock=clock)
+        page = shape_page(analysis, view, prior, kind, clock, outline)
+    except NoText:
+        pass  # the sides show its shape
+    with clock.stage("shape"):
+        return page_between(page, corners, outline, view, prior, kind)
 
 
 def shape_page(

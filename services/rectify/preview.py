@@ -252,7 +252,7 @@ def _bent_sheet(
     mesh = cylinder_between_sides(corners, sides, prior.log_focal, prior.deviation, p.cells)
     if mesh is None:
         mesh = mesh_between_sides(corners, sides, float(np.exp(prior.log_focal)), p.cells)
-    return None if mesh is None else RidgedPage(mesh, prior.source)
+    return None if mesh is None else RidgedPage(mesh, mesh, prior.source)
 
 
 def _page_of_text(

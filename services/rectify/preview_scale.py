@@ -1,13 +1,15 @@
 """What a request asks of a photo in pixels of a copy (reduced, or with square pixels), and what was found there in
 pixels of the photo."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import Corners, RectifyParameters
 from services.geometry.homographies import to_resized
 from services.rectify.results import PrintSample, RectifyResult
 
@@ -56,10 +58,18 @@ def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
 
 def in_square_pixels(parameters: RectifyParameters, stretch: tuple[float, float]) -> RectifyParameters:
     """`parameters`, in pixels of the file, for its copy with `stretch` pixels for each of them along x and y."""
-    if parameters.region is None or stretch == (1.0, 1.0):
+    if stretch == (1.0, 1.0):
         return parameters
-    region = to_resized(np.array(parameters.region), np.array(stretch))
-    return replace(parameters, region=tuple((float(x), float(y)) for x, y in region))
+
+    def moved(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+        return tuple((float(x), float(y)) for x, y in to_resized(np.array(points), np.array(stretch)))
+
+    region, corners = parameters.region, parameters.page_corners
+    return replace(
+        parameters,
+        region=None if region is None else moved(region),
+        corners=() if corners is None else (cast(Corners, moved(corners)),),
+    )
 
 
 def in_pixels_of_file(result: RectifyResult, stretch: tuple[float, float]) -> RectifyResult:

@@ -10,6 +10,7 @@ from services.arrays import Points, RgbImage, Vector
 from services.geometry.focal_prior import FocalLengthSource
 from services.geometry.sheet_aspect import SheetAspect
 from services.notices import Notice
+from services.rectify.view.view_plan import ViewPlan
 from services.sheet.shape import ShapeSource
 from services.sheet.surfaces import Surface
 
@@ -99,3 +100,5 @@ class RectifyResult:
     print: PrintSample | None = None
     sheet_aspect: SheetAspect | None = None
     stretch: float | None = None
+    plan: ViewPlan | None = None
+    """How this and other views are drawn, where the photo is to be kept."""

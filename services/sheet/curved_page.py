@@ -29,10 +29,11 @@ from services.sheet.developable.observations import (
     SheetEdges,
 )
 from services.sheet.developable.residuals import BENDS, FittingParameters
-from services.sheet.developable.smooth_residual import morph_to_lines
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
+from services.sheet.developable.variation import TURN
 from services.sheet.evidence import PageEvidence
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page
+from services.sheet.line_residual import morph_to_lines
 from services.sheet.shape import EXIF_CONTRADICTED, NoShape, ShapeSource
 from services.sheet.sheet_edges import measure_sides
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface
@@ -187,7 +188,7 @@ def recentre(
         basis = bend_basis(low - margin, high + margin, p.bends, p.reach)
     k = np.interp(basis.nodes, old.basis.nodes, old.basis.values @ old.bends, left=0.0, right=0.0)
     bends = np.linalg.lstsq(basis.values, k * (np.abs(basis.values).sum(axis=1) > 0), rcond=None)[0]
-    parameters = np.concatenate([fitted.start.parameters[: BENDS - 3], bends])
+    parameters = np.concatenate([fitted.start.parameters[: BENDS - TURN.stop], bends])
     return replace(fitted.start, basis=basis, parameters=parameters)
 
 

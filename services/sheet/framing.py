@@ -103,8 +103,8 @@ def frame_curved_page(
     return CurvedFrame(page_map, view, H_page_flat, width, height)
 
 
-def frame_mesh(mesh: SheetMesh, view: PhotoFrame, text_points: Points) -> CurvedFrame:
-    """View of a whole sheet, cut at its sides, at the resolution of the text in the photo.
+def frame_mesh(mesh: SheetMesh, page_map: PageMap, view: PhotoFrame, text_points: Points) -> CurvedFrame:
+    """View of a whole sheet by `page_map`, cut at the sides of its `mesh`, at the resolution of the text in the photo.
 
     `text_points` (N, 2) are centres of characters in photo pixels; with few, the resolution is that of the
     whole sheet.
@@ -120,7 +120,7 @@ def frame_mesh(mesh: SheetMesh, view: PhotoFrame, text_points: Points) -> Curved
     resolution = within_bounds(resolution, (width, height), view.width * view.height, f)
     size = max(round(width * resolution), 1), max(round(height * resolution), 1)
     H_page_flat = translation(*mesh.origin) @ scaling(1 / resolution) @ translation(0.5, 0.5)
-    return CurvedFrame(mesh, view, H_page_flat, *size)
+    return CurvedFrame(page_map, view, H_page_flat, *size)
 
 
 def _visible(page_map: PageMap, view: PhotoFrame, outer: Floats) -> Floats:

@@ -14,6 +14,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
+from services.sheet.line_residual import ResidualParameters, morph_to_lines
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
@@ -22,8 +23,11 @@ from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.shape import NoShape, ShapeSource
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, MeshSurface
-from services.sheet.tracing.line_tracing import measure_straightness
+from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.texture_flow.field import FlowSamples
+
+WAVES = ResidualParameters(columns=24, rows=22, bend=0.25, max_shift=2.5)
+"""Of a crumpled sheet: its facets are smaller than the mesh's cells, and its lines wave by more than those of books."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,8 @@ class RidgedPageParameters:
     focal_steps: tuple[float, ...] = (1.25, 0.8)
     """Factors of a search over an assumed focal length, first upwards, else downwards."""
     most_focal_steps: int = 2
+    focal_ends: float = 1e-2
+    """Relative decrease of the cost below which a fit of this search ends: it is compared only."""
     focal_gain: float = 0.97
     """A step is taken when it brings the cost below this share."""
     believable_focal: float = 2.0
@@ -72,12 +78,14 @@ class RidgedPageParameters:
 class RidgedPage:
     """The map that flattens a creased page, and the evidence for it; see `PageShape`.
 
+    `page_map` is that of its `mesh`, with a small field for the waves of lines that its cells are too coarse for.
     `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, NaN if unknown;
     `side_deviation` the RMS distance of the outline from the mesh's border, in photo units, `stretch` the RMS relative
     change of the lengths of the mesh's edges.
     """
 
-    page_map: SheetMesh
+    mesh: SheetMesh
+    page_map: PageMap
     focal_source: FocalLengthSource
     line_count: int = 0
     line_straightness: float = float("nan")
@@ -95,7 +103,7 @@ class RidgedPage:
     @property
     def focal(self) -> float:
         """See `PageShape`."""
-        return self.page_map.focal
+        return self.mesh.focal
 
     @property
     def sources(self) -> tuple[ShapeSource, ...]:
@@ -104,8 +112,8 @@ class RidgedPage:
 
     def surface(self, view: PhotoFrame) -> MeshSurface:
         """See `PageShape`."""
-        X = self.page_map.nodes
-        points = self.page_map.project(X.reshape(-1, 3)) * view.unit_px + view.centre
+        X = self.mesh.nodes
+        points = self.mesh.project(X.reshape(-1, 3)) * view.unit_px + view.centre
         along = X[:-1, 1:] - X[:-1, :-1] + X[1:, 1:] - X[1:, :-1]
         down = X[1:, :-1] - X[:-1, :-1] + X[1:, 1:] - X[:-1, 1:]
         N = np.cross(along, down)
@@ -117,7 +125,7 @@ class RidgedPage:
     ) -> CurvedFrame:
         """See `PageShape`."""
         if crop == "sheet":
-            return frame_mesh(self.page_map, view, points)
+            return frame_mesh(self.mesh, self.page_map, view, points)
         framing = CURVED_TEXT_FRAMING if crop == "text" else None
         return frame_curved_page(self.page_map, view, points, text_height_px, None, framing)
 
@@ -241,14 +249,29 @@ def estimate_ridged_page(
         reason = _implausibility(mesh, sides, p)
     if reason is not None:
         return NoShape(reason)
+    page_map, lines = _without_waves(mesh, lines, trace, p)
     return RidgedPage(
         mesh,
+        page_map,
         prior.source,
         lines.count // 2,
-        measure_straightness(mesh, lines),
+        measure_straightness(page_map, lines),
         _side_deviation(mesh, sides),
         _stretch(mesh),
     )
+
+
+def _without_waves(
+    mesh: SheetMesh,
+    lines: LineObservations,
+    trace: Callable[[PageMap], LineObservations] | None,
+    p: RidgedPageParameters,
+) -> tuple[PageMap, LineObservations]:
+    """The map of the mesh, lines that still wave drawn straight by a small field, and the lines; its border stays."""
+    if trace is None or not measure_straightness(mesh, lines) > STRAIGHT:
+        return mesh, lines
+    seen = trace(mesh)
+    return morph_to_lines(mesh, seen, mesh.border(), WAVES), seen
 
 
 def _fit_to_lines(
@@ -284,7 +307,7 @@ def _search_focal(
     If depth and focal length grow by the same factor, the photo does not change. So a fit stays near the focal length
     of its start, even if another one explains the photo better.
     """
-    last = replace(p.fit, schedule=p.fit.schedule[-1:])
+    last = replace(p.fit, schedule=p.fit.schedule[-1:], gain=p.focal_ends)
     best = fitted
     for step in steps:
         for _ in range(p.most_focal_steps):

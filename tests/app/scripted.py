@@ -3,7 +3,7 @@
 import base64
 import json
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from app.schemas.page import FlatPage
 from services import errors
 from services.contract.html import KeptPage
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
+from services.contract.kept_pages import KeptPage as KeptPhoto
+from services.contract.kept_pages import PageWish, RenderedPage
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
 from services.contract.layout import (
     DocumentPage,
@@ -55,7 +57,8 @@ def rectify(
     if parameters.pages == "both":
         return _reply_of_pages(verb, parameters, encoding)
     creased = {"kind": "curved", "surface": CREASED_SHEET} if verb == b"creased" else {}
-    return _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
+    reply = _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
+    return replace(reply, kept=(kept_photo(parameters),)) if parameters.keep_photo else reply
 
 
 def _reply_of_uploads(
@@ -134,6 +137,45 @@ def _reply(encoding: Encoding, describe: Callable[[str | None], dict[str, object
     embedded = base64.b64encode(b"flat").decode() if encoding.embed and encoding.format == "json" else None
     body = b"" if encoding.format == "json" else f"flat as {encoding.format}".encode()
     return PageReply(body, MEDIA_TYPES[encoding.format or "jpeg"], describe(embedded))
+
+
+def kept_photo(parameters: RectifyParameters) -> KeptPhoto:
+    """A real page of 80 x 60 pixels that is kept: red at its top, blue at its foot."""
+    import numpy as np
+
+    from services.imaging.codec import encode_image
+    from services.imaging.page_images import PagePicture
+    from services.operations.rectify import describe_page
+    from services.rectify.kept_photo import keep_photo
+
+    pixels = np.zeros((60, 80, 3), np.uint8)
+    pixels[:30, :, 0] = pixels[30:, :, 2] = 200
+    photo = PagePicture(pixels, None, "png", original=encode_image(pixels, "png"))
+    result = keep_photo(pixels, errors.NoText("nothing is seen."))
+    kept = describe_page(result, parameters, Encoding("json"), photo).kept
+    assert kept is not None
+    return kept
+
+
+def render_kept_page(kept: KeptPhoto, wish: PageWish, encoding: Encoding) -> tuple[PageReply, RenderedPage]:
+    """The real operation, of a small page."""
+    from services.operations import kept_pages
+
+    return kept_pages.render_kept_page(kept, wish, encoding)
+
+
+def bind_kept_pages(pages: list[KeptPhoto], encoding: Encoding) -> PageReply:
+    """The real operation, of small pages."""
+    from services.operations import kept_pages
+
+    return kept_pages.bind_kept_pages(pages, encoding)
+
+
+def show_kept_photo(bundle: bytes, width: int | None) -> bytes:
+    """The real operation, of a small photo."""
+    from services.operations import kept_pages
+
+    return kept_pages.show_kept_photo(bundle, width)
 
 
 PAGE: dict[str, Any] = {

@@ -15,7 +15,7 @@ from starlette.responses import Response
 from app.blobs import FOLDER, BlobAccess
 from app.engine.base import Busy
 from app.jobs import dispatch, following
-from app.jobs.registry import JobLimits, Jobs
+from app.jobs.registry import JobLimits, Jobs, JobWork
 from app.jobs.running import JobRunner, RunLimits
 from app.jobs.stored_request import JobRun
 from app.layout_store import LayoutStore, ResultLimits
@@ -38,13 +38,13 @@ class Service:
     def __init__(self, folder: Path, do: Do, limits: JobLimits | None = None, **run: float) -> None:
         self.store = LayoutStore(folder, ResultLimits(100, 100, 100, 100))
         self.blobs = BlobAccess("", folder)
-        self.jobs = Jobs(self.store, self.blobs, limits or JobLimits())
 
         async def answer(request: dict[str, object], body: object, run: JobRun) -> Response:
             return await do(run)
 
         self.runner = JobRunner(self.store, self.blobs, answer, tell, RunLimits(100, 1000, **run))  # type: ignore[arg-type]
-        self.jobs.abandon = self.runner.abandon
+        work = JobWork(abandon=self.runner.abandon)
+        self.jobs = Jobs(self.store, self.blobs, limits or JobLimits(), work)
 
     async def add(self, id: str = "a") -> StoredJob:
         draft = JobDraft(id, None, "rectify", {"request_id": "the request", "headers": {}}, None, 0)

@@ -52,7 +52,7 @@ def test_the_answer_is_the_contracts(client: httpx.Client) -> None:
     answer: dict[str, Any] = response.json()
     assert list(answer) == [
         "id", "width", "height", "class", "classes", "unknown_probability", "zones", "fields", "match",
-        "part", "document_class", "language", "page", "image", "decision", "warnings", "timings_ms",
+        "part", "document_class", "language", "page", "orientation", "image", "decision", "warnings", "timings_ms",
     ]  # fmt: skip
     LayoutResult.model_validate(answer)
     assert answer["class"] == {"name": "letter", "model_version": 1, "cost": 1.5, "probability": 0.375}

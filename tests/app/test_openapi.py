@@ -153,6 +153,7 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
     assert WORK - writes == {
         ("GET", "/layout/models/{name}/versions/{version}/diff"),
         ("DELETE", "/layout/results/{id}/feedback"),
+        ("GET", "/pages/{id}/photo"),
     }
 
 
@@ -200,9 +201,10 @@ def code_in(response: dict[str, str]) -> str:
 def test_the_form_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
     assert list(fields) == [
-        "image", "kind", "upright", "focal_length_px", "region", "illumination", "crop", "pages", "paper",
-        "on_no_text", "preview", "camera", "text", "language", "format", "quality", "embed", "embed_format",
-        "max_width", "max_height", "pdf_version", "title", "archive", "callback_url",
+        "image", "kind", "upright", "focal_length_px", "region", "corners", "rotate", "margin", "illumination", "crop",
+        "pages", "paper", "on_no_text", "preview", "keep_photo", "camera", "text", "language", "format",
+        "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "archive",
+        "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
@@ -212,8 +214,8 @@ def test_the_form_is_documented_field_by_field() -> None:
 def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
     assert list(fields) == [
-        "images", "rectify", "base", "composition", "upright", "illumination", "camera", "text", "language", "format",
-        "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "callback_url",
+        "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "camera", "text", "language",
+        "format", "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
@@ -306,7 +308,11 @@ def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
 def test_the_headers_of_images_are_documented() -> None:
     for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
         headers = DOCUMENT["paths"][path]["post"]["responses"]["200"]["headers"]
-        pages = ["Document-Pages", "Document-Advice", "Document-Failed"] if path == "/rectify" else []
+        pages = (
+            ["Document-Pages", "Document-Advice", "Document-Page-Id", "Document-Failed"]
+            if path == "/rectify"
+            else []
+        )
         assert list(headers) == [own, "Document-Rotation", "Document-Warnings", "Server-Timing", *pages]
 
 

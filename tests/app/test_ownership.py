@@ -52,6 +52,12 @@ def recognize_image(client: httpx.Client, key: dict[str, str]) -> str:
     return str(response.json()["id"])
 
 
+def keep_photo(client: httpx.Client, key: dict[str, str]) -> str:
+    data = {"keep_photo": "true", "format": "json"}
+    response = client.post("/rectify", files={"image": upload("")}, data=data, headers=key)
+    return str(response.json()["page_id"])
+
+
 def start(client: httpx.Client, key: dict[str, str]) -> str:
     headers = {**key, "Prefer": "respond-async"}
     path = client.post("/rectify", files={"image": upload("")}, headers=headers).headers["Location"]
@@ -144,7 +150,8 @@ def test_after_deletion_nothing_is_left(
     with caplog.at_level(logging.INFO):
         results = [recognize(client, ALICE) for _ in range(3)]
         kept = recognize_image(client, ALICE)
-        assert files() != []
+        photo = keep_photo(client, ALICE)
+        assert len(files()) == 2
         bodies = [{"class": "letter", "labels": {"z1": "date"}}, {"class": None}, {"labels": {}}]
         for result, body in zip(results, bodies, strict=True):
             response = client.post(f"/layout/results/{result}/feedback", json=body, headers=ALICE)
@@ -160,7 +167,7 @@ def test_after_deletion_nothing_is_left(
         paths = [f"/layout/results/{result}/feedback" for result in results[:2]]
         paths += [f"/layout/results/{result}" for result in (*results, kept)]
         paths += [f"/layout/results/{results[2]}/feedback"]  # also without its result
-        paths += [job, f"/layout/models/letter/samples/{sample}", "/cameras/alice-s"]
+        paths += [job, f"/pages/{photo}", f"/layout/models/letter/samples/{sample}", "/cameras/alice-s"]
         for path in paths:
             response = client.delete(path, headers=ALICE)
             assert response.status_code in (200, 204), (path, response.text)
@@ -185,6 +192,8 @@ OWN = {
     "/layout/models/{name}/feedback": ("", "?limit=1"),
     "/layout/unknown-pages": ("", "?limit=1"),
     "/layout/unknown-pages/{id}": ("",),
+    "/pages/{id}": ("",),
+    "/pages/{id}/photo": ("", "?width=10"),
     "/jobs/{id}": ("",),
     "/jobs/{id}/result": ("",),
     "/jobs/{id}/events": ("",),
@@ -216,8 +225,10 @@ def made(client: httpx.Client) -> Iterator[dict[str, str]]:
         "/layout/results/{id}": results[0],
         "/layout/results/{id}/image": kept,
         "/layout/unknown-pages/{id}": unknown["id"],
+        "/pages/{id}": (photo := keep_photo(client, ALICE)),
         "/jobs/{id}": job.removeprefix("/jobs/"),
     }
+    client.delete(f"/pages/{photo}", headers=ADMIN)
     for result in (*results, kept):
         client.delete(f"/layout/results/{result}/feedback", headers=ADMIN)
         client.delete(f"/layout/results/{result}", headers=ADMIN)

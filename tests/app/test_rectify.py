@@ -49,6 +49,7 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     assert list(response.json()) == [
         "photo", "corners", "orientation", "width", "height", "mesh", "kind", "evidence", "camera", "surface",
         "page", "quality", "text", "warnings", "timings_ms", "image", "image_media_type",
+        "page_id",
     ]  # fmt: skip
     assert response.json()["image"] is None
     assert RectifyResult.model_validate(response.json()).mesh.source[1][0] == (0, 9)
@@ -81,6 +82,22 @@ def test_embed_puts_the_image_into_the_json(client: httpx.Client) -> None:
         ({"focal_length_px": ""}, "focal_length_px=None"),
         ({"region": "[[1,2],[3.5,4],[5,-6]]"}, "region=((1.0, 2.0), (3.5, 4.0), (5.0, -6.0))"),
         ({"illumination": "normalize"}, "illumination='normalize'"),
+        ({"illumination": "bw"}, "illumination='bw'"),
+        ({}, "corners=(), rotate=(None,), margin=0.0"),
+        ({"corners": ""}, "corners=()"),
+        (
+            {"corners": "[[1,2],[30.5,2],[30,20],[2,20]]"},
+            "corners=(((1.0, 2.0), (30.5, 2.0), (30.0, 20.0), (2.0, 20.0)),)",
+        ),
+        (
+            {"corners": "[null,[[1,2],[30,2],[30,20],[2,20]]]"},
+            "corners=(None, ((1.0, 2.0), (30.0, 2.0), (30.0, 20.0), (2.0, 20.0)))",
+        ),
+        ({"rotate": "270"}, "rotate=(270,)"),
+        ({"rotate": "Auto, 90,auto"}, "rotate=(None, 90, None)"),
+        ({"margin": "12.5"}, "margin=12.5"),
+        ({}, "keep_photo=False"),
+        ({"keep_photo": "true"}, "keep_photo=True"),
         ({}, "crop='sheet', pages='main'"),
         ({"crop": "text"}, "crop='text'"),
         ({"crop": "photo"}, "crop='photo'"),
@@ -361,3 +378,34 @@ def test_a_document_of_one_page_has_the_time_of_all(tmp_path: Path) -> None:
 
     assert asyncio.run(is_stuck(b"names of pages"))
     assert not asyncio.run(is_stuck(b""))
+
+
+@pytest.mark.parametrize(
+    ("data", "field"),
+    [
+        ({"corners": "[[1,2],[30,2],[30,20]]"}, "corners"),
+        ({"corners": "[[1,2],[30,2],[30,20],[2,20],[1,9]]"}, "corners"),
+        ({"corners": "[[1,2],[30,2],[30,NaN],[2,20]]"}, "corners"),
+        ({"corners": "[[1,2],[30,2],[30,1e9],[2,20]]"}, "corners"),
+        ({"corners": "[[1,2],[30,2],[30,true],[2,20]]"}, "corners"),
+        ({"corners": "[]"}, "corners"),
+        ({"corners": "[[]]"}, "corners"),
+        ({"corners": "{}"}, "corners"),
+        ({"corners": "here"}, "corners"),
+        ({"corners": "[[1,2],[30,2],[30,20],[2,20]]", "pages": "both"}, "corners"),
+        ({"corners": "[[1,2],[30,2],[30,20],[2,20]]", "region": "[[1,2],[30,2],[30,20]]"}, "corners"),
+        ({"corners": "[[1,2],[30,2],[30,20],[2,20]]", "preview": "true", "format": "json"}, "corners"),
+        ({"rotate": "90", "preview": "true", "format": "json"}, "rotate"),
+        ({"margin": "5", "preview": "true", "format": "json"}, "margin"),
+        ({"rotate": "45"}, "rotate"),
+        ({"rotate": "90,"}, "rotate"),
+        ({"margin": "20.5"}, "margin"),
+        ({"margin": "-1"}, "margin"),
+        ({"margin": "nan"}, "margin"),
+        ({"illumination": "colour"}, "illumination"),
+    ],
+)
+def test_what_a_person_says_is_checked(client: httpx.Client, data: dict[str, str], field: str) -> None:
+    response = post(client, data)
+    assert_problem(response, 422, "invalid-option")
+    assert response.json()["field"] == field

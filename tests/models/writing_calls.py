@@ -41,6 +41,7 @@ class World:
     running: str = ""
     token: str = ""
     done: str = ""
+    kept: str = ""
 
 
 def make_pages(store: Store) -> World:
@@ -61,7 +62,8 @@ def make_pages(store: Store) -> World:
     [page] = store.each_unknown_page()
     store.remember_cameras(None, {"camera": [(0.1, 0.2)]})
     corrections = store.feedback_ids(corrected)
-    return World(claimed, claim, free, corrected, corrections, page.id, sample)
+    kept, _ = store.add_kept_pages([{"answer": 0}, {"answer": 0}], 3600, None)
+    return World(claimed, claim, free, corrected, corrections, page.id, sample, kept=kept)
 
 
 def make_jobs(store: Store) -> World:
@@ -154,6 +156,10 @@ PAGE_CALLS: dict[str, Call] = {
     "delete later samples": lambda store, world: store.delete_samples_after("letter", 2),
     "remember a camera": lambda store, world: store.remember_cameras(None, {"camera": [(0.3, 0.4)]}),
     "forget a camera": lambda store, world: store.forget_camera(None, "camera"),
+    "keep pages": lambda store, world: bool(store.add_kept_pages([{"answer": 1}, {"answer": 2}], 3600, None)),
+    "change a kept page": lambda store, world: store.change_kept_page(world.kept, {"answer": 3}),
+    "delete a kept page": lambda store, world: store.delete_kept_page(world.kept),
+    "purge kept pages": lambda store, world: store.purge_kept_pages(keep_newest=1),
 }
 JOB_CALLS: dict[str, Call] = {
     "accept": lambda store, world: bool(_add_job(store)),

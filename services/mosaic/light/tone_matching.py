@@ -79,7 +79,7 @@ def match_tones(
         "keep": overlapping photos get equal colours, and the mean over all photos stays, unless paper would be clipped.
         "normalize": in addition, paper becomes white, also in hue unless it is clearly coloured, and the ink of all
         photos becomes equally dark. The levels are those of the whole page, so a photo with little paper gets them
-        from its neighbours. Pictures get the light of the paper around them.
+        from its neighbours. Pictures get the light of the paper around them. Looks of a scanner are made of that.
     """
     if not photos:
         return ()
@@ -90,7 +90,7 @@ def match_tones(
         for photo, placement, box in zip(photos, placements, boxes, strict=True)
     ]
     lights = match_light(views, canvas, p)
-    if illumination == "normalize":
+    if illumination != "keep":
         lights = _with_neutral_paper(lights, p)
     grids = [
         _FlatGrid.over(photo, placement, canvas, p.map_long_side)
@@ -101,7 +101,7 @@ def match_tones(
         for grid, light, view in zip(grids, lights.fields, views, strict=True)
     ]
     levels = None
-    if illumination == "normalize":
+    if illumination != "keep":
         levels = _page_levels(lights, p)
     if levels is None:
         identity = np.array([1, 0, 0], np.float32)

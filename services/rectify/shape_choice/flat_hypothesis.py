@@ -92,7 +92,7 @@ def flat_page(
         # Print that is aslant on an upright page, or an upright photo of a page that lies aslant?
         return blank_flat_page(photo, outline, view, prior, is_document=is_document)
     flow = perspective_by_flow(evidence.major, evidence.characters, view, skew)
-    if _is_sure(flow, p.clear_flow * p.perspective, p):
+    if flow is not None and _is_sure(flow, p.clear_flow * p.perspective, p):
         return None
     lines = flatten_text(evidence.text, view, plane).lines
     # Rules and staff lines bend where few lines of text show it.
@@ -108,7 +108,14 @@ def flat_page(
         return None
     hugging = outline if outline is not None and _hugs_frame(outline, view, p) else None
     return ShapedPage(
-        view, shape, (), hugging, analysis, evidence.vanishing_points, ground=_paper(ground, shape)
+        view,
+        shape,
+        (),
+        hugging,
+        analysis,
+        evidence.vanishing_points,
+        ground=_paper(ground, shape),
+        departure=sure_departure(departure, p),
     )
 
 
@@ -159,6 +166,17 @@ def is_beaten(departure: Departure, p: FlatParameters | None = None) -> bool:
     if any(_is_sure(found, p.perspective, p) for found in aslant if found is not None):
         return True
     return bent is not None and _is_sure(bent, p.bend, p)
+
+
+def sure_departure(departure: Departure, p: FlatParameters | None = None) -> float:
+    """RMS displacement of the print, as a share of the width, that is beyond the noise of what shows it."""
+    p = p or FlatParameters()
+    found = [
+        part for part in (departure.by_lines, departure.by_strokes, departure.by_bend) if part is not None
+    ]
+    return float(
+        np.sqrt(sum(max(part.value**2 - (p.deviations * part.deviation) ** 2, 0.0) for part in found))
+    )
 
 
 def _is_print(

@@ -33,6 +33,10 @@ class ShapedPage:
     """Ends (M, 2) of straight lines, photo pixels, where these alone show the shape."""
     ground: Ground | None = None
     """The paper, where it is of one kind up to the photo's frame."""
+    corners: Points | None = None
+    """Corners (4, 2) of the sheet in photo pixels that a person gave, clockwise from the page's top left; exact."""
+    departure: float | None = None
+    """Of a photo that is the page itself: see `sure_departure`; None where its view must show how flat it is."""
     others: Iterator["ShapedPage"] = field(default_factory=lambda: iter(()))
     """The same page by other shapes, the likeliest one first; each is fitted when it is asked for."""
 

@@ -118,7 +118,12 @@ class Flatness:
 
 
 def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
-    """How flat the view of `page` through `frame` is, its text lines level; None without lines and sides."""
+    """How flat the view of `page` through `frame` is, its text lines level; None without lines and sides.
+
+    Where the photo is the page, its print was measured with its noise before that was believed.
+    """
+    if page.departure is not None:
+        return Flatness(None, None, None, 100 * page.departure)
     p, field = FlatnessParameters(), SmoothField(frame.width, frame.height)
     demands: list[Demand] = []
     straightness: float | None = None

@@ -15,6 +15,7 @@ from services.notices import Notice
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.framing import cut_view, find_border, frame_shape
+from services.rectify.view.held_corners import end_at_corners, hold_corners
 from services.rectify.view.print_kept import (
     grow_to_print,
     hides_print,
@@ -87,16 +88,21 @@ def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
 
 def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop) -> JudgedView:
     """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it."""
-    border, boxes = find_border(page, crop), sheet_print(page)
+    border, boxes = None if page.corners is not None else find_border(page, crop), sheet_print(page)
     frame = frame_shape(page, border, crop)
-    if crop == "sheet":
-        frame = cut_view(photo, frame, page, border)
-    frame = grow_to_print(frame, boxes, page.text_height_px)
-    frame = restore_detail(frame, photo.shape[0] * photo.shape[1], page.characters, page.text_height_px)
+    pixels = photo.shape[0] * photo.shape[1]
+    if page.corners is not None:
+        frame = _between_corners(frame, page, page.corners, crop, pixels)
+    else:
+        if crop == "sheet":
+            frame = cut_view(photo, frame, page, border)
+        frame = grow_to_print(frame, boxes, page.text_height_px)
+        frame = restore_detail(frame, pixels, page.characters, page.text_height_px)
     white = None if border is None else certain_sheet(border)
     if white is not None and hides_print(white, boxes):
         border, white = None, None
-    paper = page.outline if crop == "sheet" else None
+    # What lies between given corners is the person's page, to the last pixel.
+    paper = page.outline if crop == "sheet" and page.corners is None else None
     beyond = None if paper is None else paper_in_photo(paper, page.characters)
     if page.ground is not None and crop == "sheet":
         beyond = page.ground.outline
@@ -113,3 +119,11 @@ def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop) -> JudgedView:
         share_kept(boxes, kept),
         print_notices(boxes, kept, size, page.text_height_px),
     )
+
+
+def _between_corners(frame: Frame, page: ShapedPage, corners: Points, crop: Crop, photo_pixels: int) -> Frame:
+    """`frame` with the given `corners` (4, 2) of its page: they are its own if it is cut at the sheet."""
+    held = end_at_corners if crop == "sheet" else hold_corners
+    frame = held(frame, corners)
+    finer = restore_detail(frame, photo_pixels, page.characters, page.text_height_px)
+    return frame if finer is frame else held(finer, corners)

@@ -318,12 +318,12 @@ def tell_orientation(
     if ocr is None:
         return Orientation(0, False, None), Notice(
             "ocr-unavailable",
-            "no OCR engine is installed, so the page may be upside down; text lines are horizontal.",
+            "no OCR engine is installed, so the page may be upside down; send rotate if it is.",
         )
     orientation = estimate_orientation(draw(), ocr)
     if (orientation.confidence or 0.0) < 0.5:
         return orientation, Notice(
             "orientation-unknown",
-            "too little could be read to tell which way up the page is; it was not turned.",
+            "too little could be read to tell which way up the page is; send rotate if it is not upright.",
         )
     return orientation, None

@@ -9,8 +9,9 @@ from services.arrays import Floats, Vector
 from services.geometry.camera import rotation_from_vector
 from services.robust import robust_scale
 from services.sheet.developable.observations import PageObservations
-from services.sheet.developable.residuals import BENDS, FittingParameters, PageResiduals
+from services.sheet.developable.residuals import BENDS, SLANT, FittingParameters, PageResiduals
 from services.sheet.developable.surface import BendBasis, DevelopableSurface
+from services.sheet.developable.variation import LOG_FOCAL, TURN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,14 +87,17 @@ def fit_surface(
         xtol=1e-6,
     )
     parts = residuals.parts(fit.x)
-    rotation = start.rotation @ rotation_from_vector(fit.x[:3])
+    rotation = start.rotation @ rotation_from_vector(fit.x[TURN])
     surface = residuals.surface(fit.x)
     moved = replace(
-        start, rotation=rotation, anchor=surface.anchor, parameters=np.asarray(fit.x[3 : residuals.principal])
+        start,
+        rotation=rotation,
+        anchor=surface.anchor,
+        parameters=np.asarray(fit.x[TURN.stop : residuals.principal]),
     )
     return FittedSurface(
         surface,
-        float(fit.x[BENDS - 1]),
+        float(fit.x[SLANT]),
         float(fit.cost),
         robust_scale(parts["straight"].value),
         robust_scale(parts["spacing"].value),
@@ -128,9 +132,9 @@ def free_gain(
 def _focal_deviation(jacobian: Floats, prior_deviation: float) -> float:
     """Deviation of log f from the observations alone: without the prior's information."""
     information = jacobian.T @ jacobian
-    information[3, 3] -= 1 / prior_deviation**2
+    information[LOG_FOCAL, LOG_FOCAL] -= 1 / prior_deviation**2
     information += 1e-9 * np.trace(information) * np.eye(len(information))
-    variance = float(np.linalg.inv(information)[3, 3])
+    variance = float(np.linalg.inv(information)[LOG_FOCAL, LOG_FOCAL])
     return float(np.sqrt(variance)) if variance > 0 else float("inf")
 
 

@@ -16,11 +16,11 @@ from services.geometry.camera import rotation_from_vector
 from services.robust import cauchy, soft_l1
 from services.sheet.developable.observations import ObservationParameters, PageObservations, SheetEdges
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
-from services.sheet.developable.variation import GLOBAL, vary_page
+from services.sheet.developable.variation import GLOBAL, LOG_FOCAL, SKEW, SLOPES, TURN, vary_page
 from services.texture_flow.field import FlowSamples
 
 SLANT = GLOBAL
-"""Place of the type's slant among the parameters: turn (3), log focal length, skew, slopes (2), slant, bends."""
+"""Place of the type's slant among the parameters, after those of the sheet; then come the bends."""
 BENDS = SLANT + 1
 MIN_LOG_FOCAL, MAX_LOG_FOCAL = -1.05, 2.5
 _PROBE = 0.002
@@ -81,12 +81,14 @@ def surface_of(
 
     `rotation` has the text's axes as columns; the sheet's a-axis lies `skew` before the text's direction.
     """
-    c, s = np.cos(x[4]), np.sin(x[4])
+    c, s = np.cos(x[SKEW]), np.sin(x[SKEW])
     unskew = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    focal = float(np.exp(np.clip(x[3], MIN_LOG_FOCAL, MAX_LOG_FOCAL)))
-    slopes = (float(x[5]), float(x[6]))
-    turned = rotation @ rotation_from_vector(x[:3]) @ unskew
-    return DevelopableSurface(turned, focal, anchor, float(x[4]), slopes, x[BENDS:], basis)
+    focal = float(np.exp(np.clip(x[LOG_FOCAL], MIN_LOG_FOCAL, MAX_LOG_FOCAL)))
+    linear, quadratic = x[SLOPES]
+    turned = rotation @ rotation_from_vector(x[TURN]) @ unskew
+    return DevelopableSurface(
+        turned, focal, anchor, float(x[SKEW]), (float(linear), float(quadratic)), x[BENDS:], basis
+    )
 
 
 def _right_jacobian(w: Vector) -> Floats:
@@ -208,7 +210,7 @@ class PageResiduals:
         """All observed points unrolled, and derivatives (N, 2, M) of the page points by all parameters."""
         surface = self.surface(x)
         at = surface.unroll(self.points - self.principal_point(x))
-        turn = self.rotation @ rotation_from_vector(x[:3]) @ _right_jacobian(x[:3])
+        turn = self.rotation @ rotation_from_vector(x[TURN]) @ _right_jacobian(x[TURN])
         moved = vary_page(surface, at, turn)
         by_slant = np.zeros((len(moved), 2, 1))
         parts = [moved[:, :, :SLANT], by_slant, moved[:, :, SLANT:]]
@@ -246,9 +248,10 @@ class PageResiduals:
     def _crossing(self, sheet: Points, x: Vector) -> Residual:
         """Rulings do not cross under the text: 1 + t w'(s) is at least `growth`."""
         s, t = sheet.T
-        short = self.p.growth - (1 + t * (x[5] + 2 * x[6] * s))
+        rates = np.stack([t, 2 * s * t], axis=1)
+        short = self.p.growth - (1 + rates @ x[SLOPES])
         slope = np.zeros((len(s), len(x)))
-        slope[:, 5], slope[:, 6] = -t, -2 * s * t
+        slope[:, SLOPES] = -rates
         near = short > 0
         return Residual(
             np.where(near, short, 0.0) / self.p.growth_deviation,
@@ -304,20 +307,20 @@ class PageResiduals:
             difference[: p.rim_bends] = difference[len(first) - p.rim_bends :] = p.rim_difference
         tilt, dtilt = self._tilt(x)
         value = [
-            (x[3:4] - self.observed.log_focal) / self.observed.focal_deviation,
-            0.5 * np.sin(2 * x[4:5]) / p.skew_rad,
-            x[5:7] / p.slope,
-            (x[SLANT : SLANT + 1] - p.slant_mean_rad) / p.slant_rad,
+            (x[[LOG_FOCAL]] - self.observed.log_focal) / self.observed.focal_deviation,
+            0.5 * np.sin(2 * x[[SKEW]]) / p.skew_rad,
+            x[SLOPES] / p.slope,
+            (x[[SLANT]] - p.slant_mean_rad) / p.slant_rad,
             tilt / p.tilt_rad,
             np.diff(k) / difference,
             np.diff(k, 2) / p.bend_change,
             k / p.bend,
         ]
         slope = [
-            eye[3:4] / self.observed.focal_deviation,
-            np.cos(2 * x[4]) * eye[4:5] / p.skew_rad,
-            eye[5:7] / p.slope,
-            eye[SLANT : SLANT + 1] / p.slant_rad,
+            eye[[LOG_FOCAL]] / self.observed.focal_deviation,
+            np.cos(2 * x[SKEW]) * eye[[SKEW]] / p.skew_rad,
+            eye[SLOPES] / p.slope,
+            eye[[SLANT]] / p.slant_rad,
             dtilt / p.tilt_rad,
             first / difference[:, None],
             second / p.bend_change,
@@ -343,8 +346,8 @@ class PageResiduals:
         slope = np.zeros((2, len(x)))
         for axis in range(3):
             d = step * np.eye(3)[axis]
-            slope[:, axis] = (tilt(x[:3] + d) - tilt(x[:3] - d)) / (2 * step)
-        return tilt(x[:3]), slope
+            slope[:, axis] = (tilt(x[TURN] + d) - tilt(x[TURN] - d)) / (2 * step)
+        return tilt(x[TURN]), slope
 
     def evaluate(self, x: Vector) -> tuple[Vector, Floats]:
         """Residuals (n,) under their losses, with the priors, and their derivatives (n, M)."""

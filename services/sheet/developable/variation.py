@@ -13,8 +13,10 @@ import numpy as np
 from services.arrays import Floats, Vector
 from services.sheet.developable.surface import DevelopableSurface, Unrolled, cross
 
-GLOBAL = 7
-"""Parameters before the bends: a turn about the camera's axes (3), log focal length, skew, two slopes."""
+TURN, LOG_FOCAL, SKEW, SLOPES = slice(0, 3), 3, 4, slice(5, 7)
+"""Places among the parameters: a turn about the camera's axes, log focal length, skew, slopes of the rulings."""
+GLOBAL = SLOPES.stop
+"""Parameters before the bends (and before the type's slant, which moves nothing)."""
 
 
 def vary_page(surface: DevelopableSurface, at: Unrolled, turn: Floats | None = None) -> Floats:
@@ -29,17 +31,17 @@ def vary_page(surface: DevelopableSurface, at: Unrolled, turn: Floats | None = N
     dX = np.empty((GLOBAL + count, 3, n))
     arm = X - np.array([*surface.anchor, surface.focal])[:, None]
     axes = np.eye(3) if turn is None else turn
-    dX[:3] = cross(axes.T[:, :, None], arm)
-    dX[3] = np.array([0.0, 0.0, surface.focal])[:, None]
+    dX[TURN] = cross(axes.T[:, :, None], arm)
+    dX[LOG_FOCAL] = np.array([0.0, 0.0, surface.focal])[:, None]
     origin = int(np.argmin(np.abs(surface.basis.nodes)))
-    dX[4] = cross(-surface.rotation[:, 2:], arm)
+    dX[SKEW] = cross(-surface.rotation[:, 2:], arm)
     turns, shifts = _tables(surface, origin)
     dphi, dP = _at(surface, s, *turns), _at(surface, s, *shifts)
-    dX[5:] = dP
-    dX[5:] += cross(dphi, t * R)
+    dX[SLOPES.start :] = dP
+    dX[SLOPES.start :] += cross(dphi, t * R)
     slopes = (s, s * s)
     for j in (0, 1):
-        dX[5 + j] += t * slopes[j] * A
+        dX[SLOPES.start + j] += t * slopes[j] * A
     # moved = -J (f dX - x dX_z) / Z
     J = at.jacobians.transpose(1, 2, 0) / X[2]
     moved = np.empty((GLOBAL + count, 2, n))
@@ -48,14 +50,14 @@ def vary_page(surface: DevelopableSurface, at: Unrolled, turn: Floats | None = N
         moved[:, i] -= dX[:, 1] * (surface.focal * J[i, 1])
         moved[:, i] += dX[:, 2] * (J[i, 0] * centred[0] + J[i, 1] * centred[1])
     # A longer focal length also moves the image itself.
-    moved[3] -= np.einsum("ijn,jn->in", J, X[2] * centred)
+    moved[LOG_FOCAL] -= np.einsum("ijn,jn->in", J, X[2] * centred)
     u, v = at.page.T
-    moved[4, 0] += v
-    moved[4, 1] -= u
+    moved[SKEW, 0] += v
+    moved[SKEW, 1] -= u
     c, d = np.cos(surface.skew_rad), np.sin(surface.skew_rad)
     for j in (0, 1):
-        moved[5 + j, 0] += c * t * slopes[j]
-        moved[5 + j, 1] -= d * t * slopes[j]
+        moved[SLOPES.start + j, 0] += c * t * slopes[j]
+        moved[SLOPES.start + j, 1] -= d * t * slopes[j]
     return moved.transpose(2, 1, 0)
 
 

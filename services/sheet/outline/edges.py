@@ -92,7 +92,7 @@ def outward_normals(points: Points, width: int) -> Points:
     return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9))
 
 
-def _profiles(
+def edge_profiles(
     image: RgbImage, points: Points, normals: Points, offsets: Vector, tangential: Floats
 ) -> Floats:
     """Colours (N, M, 3) at `offsets` (M,) along the normals, averaged over the `tangential` offsets (N, T)."""
@@ -126,7 +126,7 @@ def follow_edge(image: RgbImage, curve: Points, window: tuple[float, float, floa
     normals = outward_normals(points, 3)
     offsets = np.arange(-p.reach_px, p.reach_px + 0.5, 1.0)
     wide = np.arange(offsets[0] - 2, offsets[-1] + 2.5, 1.0)
-    colors = _profiles(image, points, normals, wide, np.tile([-2.0, 0.0, 2.0], (count, 1)))
+    colors = edge_profiles(image, points, normals, wide, np.tile([-2.0, 0.0, 2.0], (count, 1)))
     difference = length_of_channels(
         0.5 * (colors[:, 3:-1] + colors[:, 4:]) - 0.5 * (colors[:, :-4] + colors[:, 1:-3])
     )
@@ -155,7 +155,7 @@ def measure_sides(
     `diagonal` is the outline's.
     """
     p = EdgeParameters()
-    places, normals = zip(*(_normals_along(guide, p.side_points) for guide in guides), strict=True)
+    places, normals = zip(*(normals_along(guide, p.side_points) for guide in guides), strict=True)
     found = _measure(image, np.stack(places), np.stack(normals), diagonal, window, False, p)
     parts = [slice(k * p.side_points, (k + 1) * p.side_points) for k in range(len(guides))]
     return [
@@ -171,7 +171,7 @@ def measure_sides(
     ]
 
 
-def _normals_along(guide: Points, count: int) -> tuple[Points, Points]:
+def normals_along(guide: Points, count: int) -> tuple[Points, Points]:
     """`count` points at equal distances along the curve `guide` (N, 2), and unit normals there."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(guide, axis=0), axis=1))])
     at = (np.arange(count) + 0.5) * along[-1] / count
@@ -208,7 +208,7 @@ def _measure(
     offsets = step * np.arange(-half, half + 1)
     spacing = np.median(np.linalg.norm(np.diff(curves, axis=1), axis=2), axis=1)
     tangential = np.repeat(spacing, curves.shape[1])[:, None] * np.linspace(-0.4, 0.4, 5)
-    colors = _profiles(image, points, normals, offsets, tangential)
+    colors = edge_profiles(image, points, normals, offsets, tangential)
     first, last = int(np.ceil(near / step)), int(np.ceil(far / step))
     # Means on both sides of every sample, from running sums.
     sums = np.concatenate(

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.photo_frame import PhotoFrame
-from services.order_statistics import median
-from services.robust import cauchy_weights
+from services.robust import cauchy_weights, robust_scale
 from services.sheet.developable.observations import LineObservations
 from services.texture_flow.field import FlowSamples, angle_difference
 
@@ -37,7 +36,8 @@ BEND_DEVIATION = 0.02
 """Standard deviation of their coefficients before anything is seen, in halves of the photo's width."""
 FEWEST_POINTS = 8
 """On lines of two points or more; fewer show neither convergence nor a bend."""
-FEWEST_STROKES = 8
+FEWEST_DIRECTIONS = 20
+"""Fewer are fitted too well by three unknowns to show their own noise."""
 NARROW = 0.6
 """Of the photo's width: print that takes less is part of a page that is narrower too, ..."""
 ENDS = (5.0, 95.0)
@@ -88,7 +88,7 @@ def measure_departure(
     blur = max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)
     reach = _reach(characters, view, skew_rad)
     crossing = None
-    if strokes is not None and len(strokes) >= FEWEST_STROKES:
+    if strokes is not None and len(strokes) >= FEWEST_DIRECTIONS:
         found = _convergence(strokes.points @ axes, strokes, skew_rad + np.pi / 2, 0)
         crossing = Measured(found.value, blur * found.deviation).scaled(reach)
     used = np.bincount(lines.index)[lines.index] > 1 if len(lines.index) else np.zeros(0, bool)
@@ -99,8 +99,12 @@ def measure_departure(
     return Departure(skew_rad + turn, along.scaled(reach), crossing, bend)
 
 
-def perspective_by_flow(flow: FlowSamples, characters: Points, view: PhotoFrame, skew_rad: float) -> Measured:
-    """`by_lines` of a `Departure` by the directions of the text alone, which are near `skew_rad`."""
+def perspective_by_flow(
+    flow: FlowSamples, characters: Points, view: PhotoFrame, skew_rad: float
+) -> Measured | None:
+    """`by_lines` of a `Departure` by the directions of the text alone, which are near `skew_rad`; None for few."""
+    if len(flow) < FEWEST_DIRECTIONS:
+        return None
     found = _convergence(flow.points @ _axes(view, skew_rad), flow, skew_rad, 1)
     return found.scaled(-_reach(characters, view, skew_rad))
 
@@ -200,6 +204,6 @@ def _fit(terms: Floats, values: Vector, weights: Vector, prior: int | None = Non
         information = terms.T @ weighted + np.diag(held * unit)
         found = np.asarray(np.linalg.lstsq(information, weighted.T @ values, rcond=None)[0])
         rest = weights * (values - terms @ found)
-        scale = max(1.4826 * median(np.abs(rest)), 1e-9)
+        scale = max(robust_scale(rest), 1e-9)
     information = (terms * weights[:, None]).T @ (terms * weights[:, None]) / scale**2 + np.diag(held)
     return found, np.asarray(np.linalg.pinv(information))

@@ -103,6 +103,12 @@ class SheetMesh:
         """Page points (u, v) of grid coordinates (c, r), (N, 2) each."""
         return np.asarray(grid * self._steps() + self.origin)
 
+    def border(self) -> Points:
+        """Page points (N, 2) of the border's nodes."""
+        r, c = np.divmod(np.arange(self.rows * self.columns), self.columns)
+        rim = (r == 0) | (r == self.rows - 1) | (c == 0) | (c == self.columns - 1)
+        return self.page_of_grid(np.stack([c, r], axis=1)[rim].astype(np.float64))
+
     def place(self, grid: Points) -> PlacedPoints:
         """Points of the mesh at grid coordinates (N, 2); the border cells are continued beyond the mesh."""
         columns, rows = self.columns, self.rows

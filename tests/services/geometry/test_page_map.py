@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.geometry.page_map import PageMap, PlaneMap
-from services.sheet.developable.smooth_residual import MorphedPage
 from services.sheet.developable.surface import bend_basis
+from services.sheet.line_residual import MorphedPage
 from tests.services.sheet.developable.sheets import PAGE, Bent
 
 SMALL = st.floats(-0.3, 0.3)

@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from services.arrays import GrayImage
+from services.imaging.channels import luminance
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Page, Zone
 from services.layout.pipeline import (
     complete_page,
     complete_sample,
     content_features,
+    fine_page,
     initialize_model,
-    read_fine_page,
     read_page,
+    read_words,
     recognize,
     regroup,
 )
@@ -168,7 +170,7 @@ def test_a_page_is_read_in_even_light() -> None:
 def test_pieces_are_put_together_and_the_class_stays() -> None:
     """A model joins labels that it has learned to come in pieces, and no others."""
     page = memo_page(np.random.default_rng(1000))
-    seen, fine = read_fine_page(rgb(page), TruthfulEngine(page))
+    seen, fine = fine_page(rgb(page), read_words(luminance(rgb(page)), TruthfulEngine(page)))
     plain = model_of("memo", 3)
 
     def taught(joining: float) -> list[VersionedModel]:

@@ -29,6 +29,7 @@ from services.operations.layout_models import (
     measure_sample,
 )
 from services.operations.layout_result import describe_recognition
+from services.operations.upright_reading import UprightReading
 from services.progress import progress_to
 from simulation.labelled_pages import letter_page
 from tests.services.imaging.files import make_file
@@ -225,9 +226,7 @@ def test_the_page_is_read_if_wanted(monkeypatch: pytest.MonkeyPatch, ocr: bool) 
     seen = []
     monkeypatch.setattr(layout, "ocr_engine", lambda language: "an engine")
     monkeypatch.setattr(
-        layout,
-        "read_fine_page",
-        lambda image, engine, features: seen.append(engine) or (Page(60.0, 40.0, ()), None),
+        layout, "read_upright", lambda image, engine: seen.append(engine) or UprightReading(image, None)
     )
     photo = make_file(np.full((40, 60, 3), 255, np.uint8), "PNG")
     recognize_upload(photo, None, None, [], LayoutOptions(ocr=ocr), SETTINGS)

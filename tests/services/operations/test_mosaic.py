@@ -44,7 +44,12 @@ def test_the_answer_is_the_contracts() -> None:
         "width": 60,
         "height": 40,
         "base": 0,
-        "orientation": {"rotation_deg": 90, "mirrored": False, "confidence": None},
+        "orientation": {
+            "rotation_deg": 90,
+            "mirrored": False,
+            "confidence": None,
+            "photo_rotation_deg": None,
+        },
         "patches": [placed, placed, {"placed": False, "mesh": None, "scale": None, "sharpness": None}],
         "pairs": [
             {

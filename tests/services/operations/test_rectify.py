@@ -5,6 +5,7 @@ import io
 import json
 import math
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,12 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
             "flatness_error_percent": None,
         },
         "surface": {"type": "plane", "normal": [0.0, 0.6, 0.8]},
-        "orientation": {"rotation_deg": 270, "mirrored": False, "confidence": 0.98},
+        "orientation": {
+            "rotation_deg": 270,
+            "mirrored": False,
+            "confidence": 0.98,
+            "photo_rotation_deg": None,
+        },
         "width": 40,
         "height": 60,
         "mesh": {"rows": 2, "columns": 2, "source": [[[0, 0.333], [1, 0]], [[0, 1], [None, 1]]]},
@@ -128,7 +134,7 @@ def test_the_pipeline_gets_the_upright_photo_and_all_that_is_known(pipeline: Rec
     rectify_upload(upload, PARAMETERS, Encoding(), LIMITS)
     ((shape, parameters, focal_length_px, ocr),) = pipeline.calls
     assert shape == (60, 40, 3)
-    assert parameters is PARAMETERS
+    assert parameters == replace(PARAMETERS, on_no_text="refuse")
     assert focal_length_px == pytest.approx(26 / math.hypot(36, 24) * math.hypot(60, 40))
     assert ocr == "an engine"
 

@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pikepdf
 import pypdfium2
 import pytest
 from PIL import Image
 
+from app.representations import image_headers
 from services.contract.images import DocumentLimits, Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
-from services.errors import InvalidOption, NotAcceptable, NotDoneInTime, TooLarge, UndecodableImage
+from services.errors import InvalidOption, NotAcceptable, NotDoneInTime, NoText, TooLarge, UndecodableImage
 from services.operations import rectify, rectify_documents
 from services.operations.rectify_documents import bind_done_pages, rectify_uploads
 from tests.services.imaging.files import make_file
@@ -98,7 +100,7 @@ def test_a_tiff_and_an_archive_hold_all() -> None:
     with Image.open(
         io.BytesIO(run(JPEG, PNG, encoding=Encoding("tiff", pages_format="tiff")).body)
     ) as picture:
-        assert picture.n_frames == 2  # type: ignore[attr-defined]
+        assert getattr(picture, "n_frames", 1) == 2  # type: ignore[attr-defined]
     archive = run(PNG, b"nothing", JPEG, encoding=Encoding("zip", pages_format="zip")).body
     with zipfile.ZipFile(io.BytesIO(archive)) as files:
         assert files.namelist() == ["page-01.png", "page-03.png"]
@@ -253,3 +255,67 @@ def test_without_a_page_that_is_done_the_answer_is_late(
         stopped_at(page, journal, monkeypatch, JPEG, PNG)
     with pytest.raises(NotDoneInTime, match=REASON.capitalize()):
         bind_done_pages(str(journal), JSON, REASON)
+
+
+def test_every_page_has_its_corners_and_its_turn(pipeline: RectifyPipeline) -> None:
+    corners = ((1.0, 1.0), (50.0, 1.0), (50.0, 25.0), (1.0, 25.0))
+    run(JPEG, PNG, corners=(None, corners), rotate=(90, None))
+    asked = [(call[1].page_corners, call[1].page_turn) for call in pipeline.calls]
+    assert asked == [(None, 90), (corners, None)]
+    pipeline.calls.clear()
+    run(JPEG, PNG, rotate=(180,))
+    assert [call[1].page_turn for call in pipeline.calls] == [180, 180]
+    for options in ({"corners": (corners,)}, {"rotate": (90, None, None)}):
+        with pytest.raises(InvalidOption) as refused:
+            run(JPEG, PNG, **options)
+        assert refused.value.field == next(iter(options))
+
+
+def test_both_pages_of_a_photo_among_several_keep_the_notices_about_them(pipeline: RectifyPipeline) -> None:
+    pipeline.pages = 1
+    reply = run(JPEG, PNG, pages="both")
+    assert [[w["code"] for w in page["warnings"]] for page in pages_of(reply)] == [
+        ["of-all", "focal-length-unknown"]
+    ] * 2
+
+
+def test_a_page_without_text_among_several_is_kept_unless_it_shall_be_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stand_in = rectify.rectify  # type: ignore[attr-defined]
+
+    def refuse_small(photo: np.ndarray, *rest: Any) -> Any:
+        if photo.shape[0] < 40:
+            raise NoText("a short note.")
+        return stand_in(photo, *rest)
+
+    monkeypatch.setattr(rectify, "rectify", refuse_small)
+    kept = run(JPEG, PNG, rotate=(None, 90))
+    assert pages_of(kept)[1]["warnings"][0]["code"] == "kept-as-it-is"
+    assert (pages_of(kept)[1]["width"], pages_of(kept)[1]["height"]) == (30, 60)
+    assert pages_of(kept)[1]["orientation"]["photo_rotation_deg"] == 90
+    assert image_headers(kept.document)["Document-Warnings"] == "focal-length-unknown, kept-as-it-is"
+    assert pages_of(run(JPEG, PNG, on_no_text="refuse"))[1]["problem"]["code"] == "no-text"
+    with pytest.raises(NoText):
+        run(PNG)
+
+
+@pytest.mark.parametrize(("look", "filters"), [("bw", "/CCITTFaxDecode"), ("gray", "/DCTDecode")])
+def test_looks_of_a_scanner_are_those_of_every_page(look: str, filters: str) -> None:
+    pages = [np.full((400, 300, 3), 245, np.uint8) for _ in range(2)]
+    for page in pages:
+        page[100:103, 40:260] = 30
+    uploads = [make_file(page, "PNG") for page in pages]
+    with pikepdf.open(io.BytesIO(run(*uploads, illumination=look).body)) as document:
+        for page in document.pages:
+            (image,) = page.get_images().values()  # type: ignore[attr-defined]
+            assert filters in str(image.Filter)
+            assert str(image.ColorSpace) == "/DeviceGray"
+    reply = run(*uploads, illumination=look, encoding=Encoding("tiff", pages_format="tiff"))
+    with Image.open(io.BytesIO(reply.body)) as picture:
+        assert getattr(picture, "n_frames", 1) == 2
+        for frame in range(2):
+            picture.seek(frame)
+            assert (picture.mode, picture.info["compression"]) == (
+                ("1", "group4") if look == "bw" else ("L", "tiff_lzw")
+            )

@@ -108,7 +108,7 @@ def test_a_folded_sheet_comes_out_flat_by_text_and_sides(view: int) -> None:
     off = map_errors(truth, page.page_map)
     assert np.median(off) < 0.005
     assert np.quantile(off, 0.95) < 0.014
-    assert page.page_map.aspect_ratio == pytest.approx(1 / SHEET_ASPECT, rel=0.015)
+    assert page.mesh.aspect_ratio == pytest.approx(1 / SHEET_ASPECT, rel=0.015)
     assert page.focal == pytest.approx(truth.focal_length_px / VIEW.unit_px, rel=0.05)
     assert (page.line_count, page.focal_source) == (21, "exif")
     assert page.line_straightness < 0.06
@@ -139,7 +139,7 @@ def test_the_outline_alone_gives_a_sheet_of_the_right_shape(view: int) -> None:
     truth = truth_of(view)
     page = estimate(truth, text=False)
     assert isinstance(page, RidgedPage)
-    assert page.page_map.aspect_ratio == pytest.approx(1 / SHEET_ASPECT, rel=0.03)
+    assert page.mesh.aspect_ratio == pytest.approx(1 / SHEET_ASPECT, rel=0.03)
     assert np.median(map_errors(truth, page.page_map)) < 0.02
     assert page.line_count == 0
     assert np.isnan(page.line_straightness)
@@ -207,7 +207,7 @@ def test_a_photo_on_its_side_gives_the_page_on_its_side() -> None:
     outline = bent_outline_of_truth(truth, 0.5, np.random.default_rng(4))
     page = estimate_ridged_page(outline, VIEW, prior_of(truth), np.pi / 2, None, None)
     assert isinstance(page, RidgedPage)
-    assert page.page_map.aspect_ratio == pytest.approx(SHEET_ASPECT, rel=0.04)
+    assert page.mesh.aspect_ratio == pytest.approx(SHEET_ASPECT, rel=0.04)
 
 
 def test_bent_sides_are_told_from_straight_ones() -> None:

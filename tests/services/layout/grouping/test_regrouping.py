@@ -7,13 +7,15 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from services.imaging.channels import luminance
 from services.layout.grouping.regrouping import RegroupingParameters, regroup_page
 from services.layout.grouping.regrouping_odds import cut_log_odds, join_log_odds, measure_space
 from services.layout.page import Page
 from services.layout.pipeline import (
     VersionedModel,
     content_features,
-    read_fine_page,
+    fine_page,
+    read_words,
     recognize,
     regroup,
 )
@@ -30,7 +32,7 @@ USUAL = RegroupingParameters()
 @lru_cache(maxsize=4)
 def seen_letter(seed: int) -> tuple[LabelledPage, FinePage]:
     page = letter_page(np.random.default_rng(FIRST_UNSEEN + seed))
-    return page, read_fine_page(rgb(page), TruthfulEngine(page))[1]
+    return page, fine_page(rgb(page), read_words(luminance(rgb(page)), TruthfulEngine(page)))[1]
 
 
 def lines_of(fine: FinePage, true: LabelledPage, label: str) -> tuple[int, ...]:

@@ -11,6 +11,8 @@ from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
+from services.rectify.shape_choice.flat_hypothesis import sure_departure
+from services.sheet.plane.departure import Departure, Measured
 from simulation.pages import own_pages
 from simulation.photo import simulate_photo
 from simulation.scenes import BOOK, PLANE, POSES
@@ -82,6 +84,26 @@ def test_a_scan_that_lies_askew_is_turned() -> None:
     assert result.evidence.source == ("photo",)
     way = result.mesh[0, -1] - result.mesh[0, 0]
     assert np.degrees(np.arctan2(way[1], way[0])) == pytest.approx(-2.0, abs=0.15)
+
+
+def test_only_what_is_beyond_its_noise_departs_from_a_flat_page() -> None:
+    noisy, sure = Measured(-0.03, 0.01), Measured(0.002, 0.0001)
+    assert sure_departure(Departure(0.0, noisy, None, None)) == 0.0
+    found = sure_departure(Departure(0.0, noisy, sure, Measured(0.001, 0.00005)))
+    assert np.hypot(0.0019, 0.0009) < found < np.hypot(0.002, 0.001)
+
+
+def test_a_scan_with_few_words_in_italics_is_flat() -> None:
+    scan = np.full((1100, 850, 3), 250, np.uint8)
+    for k, y in enumerate((90, 140, 190, 600, 650)):
+        write(scan, "Invoice number and date", (80 if k < 3 else 450, y), 26)
+    lean = np.array([[1, -0.25, 0.25 * 640], [0, 1, 0]])
+    leaning = cv2.warpAffine(scan[560:720], lean, (850, 160), borderValue=(250, 250, 250))
+    scan[560:720] = leaning
+    result = answer(scan)
+    assert result.evidence.source == ("photo",)
+    assert result.evidence.flatness_error_percent == pytest.approx(0.1, abs=0.1)
+    assert result.warnings == ()
 
 
 def write(image: RgbImage, text: str, at: tuple[int, int], size: int = 22, turn_deg: float = 0.0) -> None:

@@ -1,10 +1,12 @@
 """Convergence and bend of lines and strokes that are made by a homography or a parabola are found again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from services.geometry.photo_frame import PhotoFrame
-from services.sheet.developable.observations import LineObservations
+from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.plane.departure import NARROW, Departure, measure_departure, perspective_by_flow
 from services.texture_flow.field import FlowSamples
 
@@ -118,6 +120,18 @@ def test_strokes_of_small_print_say_less() -> None:
     assert sharp is not None
     assert small is not None
     assert small.deviation == pytest.approx(4 * sharp.deviation)
+
+
+def test_a_paragraph_in_italics_at_the_foot_is_no_convergence() -> None:
+    upright = seen_strokes(0.0, 0.0, noise_rad=np.deg2rad(1.0))
+    lower = upright.points[:, 1] > np.quantile(upright.points[:, 1], 0.65)
+    leaning = replace(upright, angles=upright.angles + np.where(lower, np.deg2rad(12.0), 0.0))
+    found = measure(NO_LINES, leaning).by_strokes
+    assert found is not None
+    assert abs(found.value) < 4 * found.deviation
+    converging = measure(NO_LINES, seen_strokes(0.0, 0.05, noise_rad=np.deg2rad(1.0))).by_strokes
+    assert converging is not None
+    assert abs(converging.value) > 10 * converging.deviation
 
 
 def test_few_observations_say_nothing() -> None:

@@ -1,4 +1,4 @@
-"""A small smooth field for the waves of text lines that a developable sheet leaves (creases, soaked paper).
+"""A small smooth field for the waves of text lines that a sheet's shape leaves: soaked paper, facets below its cells.
 
 The points of the lines show by how much v must be shifted on the flat page. A smooth field through these shifts, small
 by construction, is added to the map of the surface. Points are not moved along the lines: these show nothing of it.
@@ -8,12 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve
+from scipy.sparse import csr_array, hstack
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.page_map import PageMap
 from services.robust import cauchy_weights
 from services.sheet.developable.observations import LineObservations
-from services.sheet.developable.surface import DevelopableSurface
+
+LEVEL_PRIOR = 1e-6
+"""Keeps a line without points solvable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +33,8 @@ class ResidualParameters:
     """Deviation of the second differences of neighbouring coefficients."""
     size: float = 0.6
     """Deviation of the coefficients: the field is small, or the surface is wrong."""
+    held: float = 0.05
+    """Deviation of points that stay where they are."""
     max_shift: float = 1.5
     """Largest shift: more is not a crease but an error of the surface or of the lines, and the field is left out."""
     min_points: int = 60
@@ -42,7 +48,7 @@ class MorphedPage:
     The field spans `low` to `high` (u, v) and is constant beyond.
     """
 
-    surface: DevelopableSurface
+    surface: PageMap
     coefficients: Floats
     low: Points
     high: Points
@@ -80,14 +86,13 @@ class MorphedPage:
 
     def jacobians(self, centred: Points) -> Floats:
         """See `PageMap`."""
-        at = self.surface.unroll(centred)
-        step = 1e-4 * float(np.linalg.norm(self.high - self.low))
-        J = at.jacobians.copy()
+        page, J = self.surface.to_page(centred), self.surface.jacobians(centred)
+        moved, step = J.copy(), 1e-4 * float(np.linalg.norm(self.high - self.low))
         for axis in (0, 1):
             d = step * np.eye(2)[axis]
-            rate = (self.shift(at.page + d) - self.shift(at.page - d)) / (2 * step)
-            J[:, 1] += rate[:, None] * at.jacobians[:, axis]
-        return J
+            rate = (self.shift(page + d) - self.shift(page - d)) / (2 * step)
+            moved[:, 1] += rate[:, None] * J[:, axis]
+        return moved
 
 
 def _local_splines(x: Vector, low: float, high: float, count: int) -> tuple[NDArray[np.intp], list[Vector]]:
@@ -112,49 +117,60 @@ def _local_splines(x: Vector, low: float, high: float, count: int) -> tuple[NDAr
     return first, values
 
 
-def _splines(x: Vector, low: float, high: float, count: int) -> Floats:
-    """Cubic B-splines (N, count) over [low, high], constant beyond."""
-    first, values = _local_splines(x, low, high, count)
-    dense = np.zeros((len(x), count))
-    for k in range(4):
-        dense[np.arange(len(x)), first + k] = values[k]
-    return dense
+def _field_terms(page: Points, low: Points, high: Points, p: ResidualParameters) -> csr_array:
+    """Shares (N, rows * columns) of the coefficients in the shift at page points (N, 2)."""
+    c, along = _local_splines(page[:, 0], float(low[0]), float(high[0]), p.columns)
+    r, down = _local_splines(page[:, 1], float(low[1]), float(high[1]), p.rows)
+    places = [(r + i) * p.columns + c + j for i in range(4) for j in range(4)]
+    values = [down[i] * along[j] for i in range(4) for j in range(4)]
+    ends = np.arange(0, 16 * len(page) + 1, 16)
+    shape = (len(page), p.rows * p.columns)
+    return csr_array((np.stack(values, axis=1).ravel(), np.stack(places, axis=1).ravel(), ends), shape=shape)
 
 
-def morph_to_lines(surface: DevelopableSurface, lines: LineObservations) -> PageMap:
-    """The surface with the smooth residual of its `lines`; without it if they are few or it is too large."""
-    p = ResidualParameters()
+def morph_to_lines(
+    surface: PageMap,
+    lines: LineObservations,
+    held: Points | None = None,
+    parameters: ResidualParameters | None = None,
+) -> PageMap:
+    """The surface with the smooth residual of its `lines`; without it if they are few or it is too large.
+
+    The field spans the lines, or the page points `held` (M, 2), which stay where they are.
+    """
+    p = parameters or ResidualParameters()
     if len(lines.points) < p.min_points:
         return surface
-    at = surface.unroll(lines.points)
-    height = lines.text_height * float(np.median(np.linalg.norm(at.jacobians[:, 1], axis=1)))
-    low, high = at.page.min(axis=0), at.page.max(axis=0)
-    if not np.isfinite(low).all() or (high - low).min() < 2 * height:
+    page = surface.to_page(lines.points)
+    height = lines.text_height * float(
+        np.median(np.linalg.norm(surface.jacobians(lines.points)[:, 1], axis=1))
+    )
+    spanned = page if held is None else held
+    low, high = spanned.min(axis=0), spanned.max(axis=0)
+    if not (np.isfinite(page).all() and np.isfinite(height)) or (high - low).min() < 2 * height:
         return surface
-    across = _splines(at.page[:, 0], float(low[0]), float(high[0]), p.columns)
-    down = _splines(at.page[:, 1], float(low[1]), float(high[1]), p.rows)
-    design = np.einsum("nr,nc->nrc", down, across).reshape(len(down), -1)
-    # The level of each line is free: averages over its points are subtracted on both sides.
-    count = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
-
-    def without_level(values: Floats, weight: Vector) -> Floats:
-        total = np.maximum(np.bincount(lines.index, weight, minlength=lines.count), 1e-12)
-        sums = np.zeros((lines.count, values.shape[1]))
-        np.add.at(sums, lines.index, values * weight[:, None])
-        return np.asarray(values - (sums / total[:, None])[lines.index])
-
-    v = at.page[:, 1]
-    level = (np.bincount(lines.index, v, minlength=lines.count) / count)[lines.index]
-    weight: Vector = np.ones(len(v))
-    penalty = _penalty(p) * (p.deviation / p.bend) ** 2
-    penalty += np.eye(design.shape[1]) * (p.deviation / p.size) ** 2
-    coefficients = np.zeros(design.shape[1])
+    # v + shift = level of the line, in text heights. The levels are free.
+    field, count = _field_terms(page, low, high, p), p.rows * p.columns
+    each = np.arange(len(page))
+    levels = csr_array((np.full(len(page), -1.0), (each, lines.index)), shape=(len(page), lines.count))
+    terms = hstack([field, levels], format="csr")
+    penalty = np.zeros((terms.shape[1], terms.shape[1]))
+    penalty[:count, :count] = _penalty(p) * (p.deviation / p.bend) ** 2
+    penalty[:count, :count] += np.eye(count) * (p.deviation / p.size) ** 2
+    penalty[count:, count:] = np.eye(lines.count) * LEVEL_PRIOR
+    if held is not None:
+        rim = _field_terms(held, low, high, p)
+        penalty[:count, :count] += (rim.T @ rim).toarray() * (p.deviation / p.held) ** 2
+    usual = np.bincount(lines.index, page[:, 1], lines.count) / np.maximum(np.bincount(lines.index), 1)
+    wanted = (usual[lines.index] - page[:, 1]) / height
+    weight: Vector = np.ones(len(page))
+    found = np.zeros(terms.shape[1])
     for _ in range(p.iterations):
-        A = without_level(design, weight)
-        b = -without_level((v - level)[:, None], weight)[:, 0] / height
-        coefficients = np.linalg.solve((A * weight[:, None]).T @ A + penalty, (A * weight[:, None]).T @ b)
-        rest = (b - A @ coefficients) / p.deviation
-        weight = cauchy_weights(rest, 2.0)
+        weighted = terms * weight[:, None]
+        information = (weighted.T @ terms).toarray() + penalty
+        found = np.asarray(solve(information, weighted.T @ wanted, assume_a="pos"))
+        weight = cauchy_weights((wanted - terms @ found) / p.deviation, 2.0)
+    coefficients = found[:count]
     if np.abs(coefficients).max() > p.max_shift:
         return surface
     return MorphedPage(surface, height * coefficients.reshape(p.rows, p.columns), low, high)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from services.arrays import Points, Vector
 from services.sheet.developable.observations import LineObservations
-from services.sheet.developable.smooth_residual import MorphedPage, morph_to_lines
 from services.sheet.developable.surface import DevelopableSurface
+from services.sheet.line_residual import MorphedPage, morph_to_lines
 from services.sheet.tracing.line_tracing import measure_straightness
 from tests.services.sheet.developable.sheets import FLAT, PAGE, Bent, box
 
@@ -95,6 +95,20 @@ def test_noise_is_not_followed() -> None:
     assert isinstance(morphed, MorphedPage)
     field = morphed.shift(page_of())
     assert float(np.sqrt(np.mean(field**2))) < 0.6 * noise
+
+
+def test_what_is_held_stays() -> None:
+    surface = FLAT.surface()
+    lines = printed(surface, ripple(page_of(), 0.5 * HEIGHT))
+    turn = np.linspace(0, 2 * np.pi, 60)
+    rim = np.clip(np.stack([np.cos(turn), np.sin(turn)], axis=1) * 2, -1, 1) * [0.55, 0.65]
+    morphed = morph_to_lines(surface, lines, rim)
+    assert isinstance(morphed, MorphedPage)
+    assert np.abs(morphed.shift(rim)).max() < 0.05 * HEIGHT
+    assert measure_straightness(morphed, lines) < 0.25 * measure_straightness(surface, lines)
+    # There and back.
+    at = morphed.to_photo(box(0.4, 0.5, 12, 12))
+    np.testing.assert_allclose(morphed.to_page(at), box(0.4, 0.5, 12, 12), atol=1e-3 * HEIGHT)
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 3.0, 10.0, 100.0])

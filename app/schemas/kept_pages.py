@@ -1,0 +1,72 @@
+"""Requests about kept photos: what a person says of a page, and which pages form a file."""
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from app.schemas.options import FORMAT, EmbedFormat, MaxPixels, Quality
+from app.schemas.page import Point
+from services.contract.images import PdfVersion
+from services.contract.kept_pages import MOST_BOUND_PAGES, PageWish
+from services.contract.rectify import MOST_MARGIN, Crop, Illumination, Rotation
+
+PictureFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
+PICTURE_FORMATS: tuple[PictureFormat, ...] = get_args(PictureFormat)
+FileFormat = Literal["pdf", "tiff", "zip"]
+
+
+def _turn(value: object) -> object:
+    """`auto` or degrees; as a form sends them, too."""
+    return int(value) if isinstance(value, str) and value.isdigit() else value
+
+
+class Picture(BaseModel):
+    """How a picture is sent."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    quality: Quality = None
+    max_width: MaxPixels = None
+    max_height: MaxPixels = None
+    pdf_version: PdfVersion = Field(default="1.7", description="Version of a PDF: 1.7, or a-2b for archives.")
+    title: str = Field(default="", max_length=300, description="Title of a PDF; default: name of the photo.")
+
+
+class RenderRequest(Picture):
+    """What a person says about a kept page; what is absent stays as it is."""
+
+    corners: Annotated[list[Point], Field(min_length=4, max_length=4)] | None = Field(
+        default=None,
+        description="The sheet's corners in the photo, clockwise from the page's top left. The page is analysed again.",
+    )
+    rotate: Annotated[Literal["auto"] | Rotation, BeforeValidator(_turn)] | None = Field(
+        default=None, description="Clockwise turn as of /rectify; auto: the one that was found."
+    )
+    margin: Annotated[float, Field(ge=0, le=MOST_MARGIN, allow_inf_nan=False)] | None = Field(
+        default=None, description="What is shown around the cut, percent of the page's width."
+    )
+    illumination: Illumination | None = Field(default=None, description="As of /rectify.")
+    crop: Crop | None = Field(default=None, description="As of /rectify.")
+    format: Annotated[PictureFormat | None, FORMAT] = Field(
+        default=None, description="Format of the response; overrides `Accept`. Default: that of the photo."
+    )
+    embed: bool = Field(default=False, description="With JSON: include the image as base64 in `image`.")
+    embed_format: EmbedFormat = None
+
+    @property
+    def wish(self) -> PageWish:
+        """What is wished of the page, without the response format."""
+        corners = None
+        if self.corners is not None:
+            a, b, c, d = self.corners
+            corners = (a, b, c, d)
+        return PageWish(corners, self.rotate, self.margin, self.illumination, self.crop)
+
+
+class BindRequest(Picture):
+    """Kept pages of one file, in this order; each as it was last answered."""
+
+    pages: Annotated[list[str], Field(min_length=1, max_length=MOST_BOUND_PAGES)] = Field(
+        description="Ids of kept pages; one may be there several times."
+    )
+    format: Annotated[FileFormat, FORMAT] = Field(default="pdf", description="Format of the file.")

@@ -1,0 +1,216 @@
+"""Later answers about kept pages: other turns, margins, looks and parts by what is kept, other corners anew."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, cast
+
+import numpy as np
+
+from services.arrays import Floats, Points
+from services.contract.images import Encoding, ImageLimits, PageReply
+from services.contract.kept_pages import KeptPage, PageWish, RenderedPage
+from services.contract.rectify import Crop, RectifyParameters
+from services.geometry.homographies import to_resized, transform_points
+from services.geometry.page_frame import Frame, mesh_of, turn_against_photo, turn_frame, turning
+from services.imaging.codec import UploadFormat, decode_image, encode_image
+from services.imaging.looks import scanner_look
+from services.imaging.normalization import normalize_illumination
+from services.imaging.page_images import page_picture
+from services.imaging.square_pixels import square_pixels
+from services.operations.page_bundle import PageBundle, open_bundle
+from services.operations.pages_reply import (
+    DescribedPage,
+    EncodedPage,
+    bind_pages,
+    choose_target,
+    encode_page,
+)
+from services.operations.rectify import flatten_picture
+from services.operations.reduced_views import reduce_picture, reduced_size
+from services.operations.replies import SourceFacts, make_reply, rounded, timed
+from services.rectify.view.drawing import draw_flat_view
+from services.rectify.view.held_corners import with_margin
+from services.rectify.view.view_plan import PlannedView, unpack_plan
+
+OWN = ImageLimits(max_megapixels=1000.0)
+"""Of pictures that this service has made: views may be larger than the photos of a request."""
+
+
+def render_kept_page(kept: KeptPage, wish: PageWish, encoding: Encoding) -> tuple[PageReply, RenderedPage]:
+    """The answer about a kept page with what the person wishes, and what is to be kept from now on.
+
+    Raises
+    ------
+    InvalidOption
+        When the corners are those of no sheet in its photo, or `encoding` is not possible.
+    """
+    timings_ms: dict[str, float] = {}
+    bundle = open_bundle(kept.bundle)
+    if wish.corners is not None:
+        kept = analyse_again(kept, bundle, wish)
+        page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms)
+        changed = RenderedPage(kept.document, kept.bundle)
+    else:
+        page, source = draw_kept(kept, bundle, wish, encoding, timings_ms)
+        changed = RenderedPage(_wished(kept.document, wish))
+    reply = make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms)
+    return reply, changed
+
+
+def bind_kept_pages(pages: Sequence[KeptPage], encoding: Encoding) -> PageReply:
+    """One file of kept pages, each as it was last answered."""
+    timings_ms: dict[str, float] = {}
+    encoded: list[EncodedPage] = []
+    target = None
+    for kept in pages:
+        page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms)
+        target = target or choose_target(encoding, source, len(pages))
+        encoded.append(encode_page(page, target, source, encoding))
+    assert target is not None, "the app has seen to that"
+    return bind_pages(encoded, target, encoding, timings_ms)
+
+
+def show_kept_photo(bundle: bytes, width: int | None) -> bytes:
+    """The photo of a kept page as JPEG, turned as its EXIF says and without its metadata, at most `width` wide."""
+    photo = decode_image(open_bundle(bundle).photo, OWN)
+    size = reduced_size(photo.pixels.shape[1], photo.pixels.shape[0], width, None)
+    return encode_image(reduce_picture(photo.pixels, *size), "jpeg", icc_profile=photo.icc_profile)
+
+
+def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPage:
+    """The page between other corners: its shape is found anew in the kept photo."""
+    options = dict(kept.document["options"])
+    for name in ("margin", "illumination", "crop"):
+        said = getattr(wish, name) or kept.document["wish"].get(name)
+        if said is not None:
+            options[name] = said
+    turn = wish.rotate if isinstance(wish.rotate, int) else None
+    asked = RectifyParameters(
+        **options,
+        corners=(wish.corners,),
+        rotate=(turn,),
+        keep_photo=True,
+    )
+    picture = page_picture(decode_image(bundle.photo, OWN))._replace(
+        is_document=kept.document["is_document"], original=bundle.photo
+    )
+    (page,) = flatten_picture(picture, asked, Encoding())
+    assert page.kept is not None
+    return page.kept
+
+
+def draw_kept(
+    kept: KeptPage,
+    bundle: PageBundle,
+    wish: PageWish,
+    encoding: Encoding,
+    timings_ms: dict[str, float],
+) -> tuple[DescribedPage, SourceFacts]:
+    """The page as the person wishes it, its description, and the facts of its photo."""
+    document, options = kept.document, kept.document["options"]
+    answer = document["answer"]
+    before = PageWish(**document["wish"])
+    wish = PageWish(
+        **{
+            name: value if value is not None else getattr(before, name)
+            for name, value in asdict(wish).items()
+        }
+    )
+    crop: Crop = wish.crop or options["crop"]
+    margin = options["margin"] if wish.margin is None else wish.margin
+    look = wish.illumination or options["illumination"]
+    found = answer["orientation"]
+    turn = _turn(wish, document)
+    views = unpack_plan(bundle.plan).views
+    view = views[crop]
+    turned = turn_frame(view.frame, turn, found["mirrored"])
+    frame = with_margin(turned, margin)
+    lit = options["illumination"] != "keep"  # whether the kept picture has even light
+    if crop == options["crop"] and margin == options["margin"] and (look != "keep" or not lit):
+        with timed("decode", timings_ms):
+            picture = decode_image(bundle.picture, OWN)
+        quarters = (turn - found["rotation_deg"]) // 90 % 4
+        flat, icc_profile = np.ascontiguousarray(np.rot90(picture.pixels, -quarters)), picture.icc_profile
+    else:
+        with timed("decode", timings_ms):
+            photo = square_pixels(page_picture(decode_image(bundle.photo, OWN)))
+        lit, icc_profile = False, photo.icc_profile
+        with timed("remap", timings_ms):
+            white = (None, None) if margin > 0 else (view.border, view.paper)
+            flat = draw_flat_view(photo.pixels, frame, *white)
+    if look != "keep" and not lit:
+        with timed("illumination", timings_ms):
+            flat = normalize_illumination(flat, _places(view, turned, turn, found["mirrored"], frame))
+    dpi = document["dpi"]
+    if dpi is not None and crop != options["crop"]:
+        dpi *= _pixels_per_photo_pixel(view.frame) / _pixels_per_photo_pixel(views[options["crop"]].frame)
+    width, height = reduced_size(frame.width, frame.height, encoding.max_width, encoding.max_height)
+    if (width, height) != (frame.width, frame.height):
+        across, down = frame.width / width, frame.height / height
+        H = np.array([[across, 0, 0.5 * across - 0.5], [0, down, 0.5 * down - 0.5], [0, 0, 1]])
+        frame, flat = frame.through(H, width, height), reduce_picture(flat, width, height)
+        dpi = None if dpi is None else dpi / across
+    mesh = np.asarray(mesh_of(frame), np.float64)
+    described = _described(document, flat.shape, mesh, turn, dpi)
+    facts = SourceFacts(cast(UploadFormat, document["format"]), dpi, icc_profile)
+    return DescribedPage(scanner_look(flat, look), described, None, dpi), facts
+
+
+def _wished(document: Mapping[str, Any], wish: PageWish) -> dict[str, Any]:
+    """The kept `document` with what the person wishes from now on; how its picture was made stays."""
+    wished = {name: value for name, value in asdict(wish).items() if value is not None and name != "corners"}
+    return {**document, "wish": {**document["wish"], **wished}}
+
+
+def _described(
+    document: Mapping[str, Any], shape: tuple[int, ...], mesh: Floats, turn: int, dpi: float | None
+) -> dict[str, object]:
+    """The `RectifyResult` of a later answer without timings and picture: sizes, mesh and turn are its own."""
+    answer, stretch = document["answer"], np.array(document["stretch"])
+    orientation = {
+        **answer["orientation"],
+        "rotation_deg": turn,
+        "photo_rotation_deg": round(turn_against_photo(mesh), 1) % 360,
+    }
+    quarters = (turn - answer["orientation"]["rotation_deg"]) // 90 % 4
+    corners = answer["corners"][-quarters:] + answer["corners"][:-quarters] if quarters else answer["corners"]
+    page = answer["page"]
+    if page is not None:
+        page = {**page, "dpi": rounded(dpi, 1) if page["dpi"] is not None else None}
+        if quarters % 2:
+            page["width_mm"], page["height_mm"] = page["height_mm"], page["width_mm"]
+            page["aspect"] = page["aspect"] and rounded(1 / page["aspect"])
+    return {
+        **answer,
+        "orientation": orientation,
+        "corners": corners,
+        "page": page,
+        "width": shape[1],
+        "height": shape[0],
+        "mesh": {
+            "rows": mesh.shape[0],
+            "columns": mesh.shape[1],
+            "source": np.round(to_resized(mesh, 1 / stretch), 3),
+        },
+    }
+
+
+def _places(view: PlannedView, turned: Frame, turn: int, mirrored: bool, wide: Frame) -> Points | None:
+    """Places (N, 2) of the text in the `wide` view, which is `view` turned and with a margin."""
+    if view.characters is None:
+        return None
+    H, _, _ = turning(view.frame.width, view.frame.height, turn, mirrored)
+    margin = np.array([wide.width - turned.width, wide.height - turned.height]) / 2
+    return transform_points(np.linalg.inv(H), view.characters) + margin
+
+
+def _pixels_per_photo_pixel(frame: Frame) -> float:
+    mesh = mesh_of(frame, 9, 9)
+    steps = np.linalg.norm(np.diff(mesh, axis=1), axis=2)
+    return (frame.width - 1) / 8 / max(float(np.median(steps)), 1e-9)
+
+
+def _turn(wish: PageWish, document: Mapping[str, Any]) -> int:
+    if wish.rotate is None:
+        return int(document["answer"]["orientation"]["rotation_deg"])
+    return int(document["rotation_found"] if wish.rotate == "auto" else wish.rotate)

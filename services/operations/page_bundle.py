@@ -1,0 +1,84 @@
+"""What is kept of a page: a file of its photo, of how its views are drawn, and of its first picture."""
+
+import io
+import zipfile
+from dataclasses import dataclass
+
+from services.contract.kept_pages import KeptPage
+from services.contract.rectify import RectifyParameters
+from services.imaging.codec import encode_image
+from services.imaging.page_images import PagePicture
+from services.operations.pages_reply import DescribedPage
+from services.operations.replies import to_json_ready
+from services.rectify.results import RectifyResult
+
+PHOTO, PLAN, PICTURE = "photo", "plan.npz", "picture.jpg"
+
+
+@dataclass(frozen=True, slots=True)
+class PageBundle:
+    """`photo` is an image file; `plan` a packed `ViewPlan`; `picture` a JPEG file of the flat page before its look."""
+
+    photo: bytes
+    plan: bytes
+    picture: bytes
+
+    def packed(self) -> bytes:
+        """The file. Its parts are compressed already, or hardly compressible."""
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+            for name, part in ((PHOTO, self.photo), (PLAN, self.plan), (PICTURE, self.picture)):
+                archive.writestr(zipfile.ZipInfo(name), part)
+        return buffer.getvalue()
+
+
+def open_bundle(packed: bytes) -> PageBundle:
+    """The parts of a file that `PageBundle.packed` has made."""
+    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+        return PageBundle(*(archive.read(name) for name in (PHOTO, PLAN, PICTURE)))
+
+
+PICTURE_QUALITY = 92
+"""Of the picture: a page that is only turned is made of it."""
+KEPT_OPTIONS = (
+    "kind",
+    "upright",
+    "focal_length_px",
+    "illumination",
+    "crop",
+    "paper",
+    "language",
+    "camera",
+    "margin",
+)
+"""Of `RectifyParameters`: what a page that is analysed again is analysed by."""
+
+
+def keep_page(
+    result: RectifyResult, page: DescribedPage, parameters: RectifyParameters, photo: PagePicture
+) -> KeptPage | None:
+    """What is kept of a flat page of `photo`; None where its views are not known.
+
+    `page` describes `result`, perhaps with a smaller picture. The document has the `answer`, the `options` that made
+    the picture, and what the person has said since then (`wish`), nothing so far.
+    """
+    if result.plan is None:
+        return None
+    original = photo.original
+    if original is None:  # a page of a file of several
+        original = encode_image(photo.pixels, "png", dpi=photo.dpi, icc_profile=photo.icc_profile)
+    picture = encode_image(result.image, "jpeg", PICTURE_QUALITY, icc_profile=photo.icc_profile)
+    answer = {name: value for name, value in page.document.items() if name != "timings_ms"}
+    document = {
+        "answer": answer,
+        "options": {name: getattr(parameters, name) for name in KEPT_OPTIONS},
+        "wish": {},
+        "rotation_found": result.orientation.rotation_deg if parameters.page_turn is None else 0,
+        "stretch": photo.stretch,
+        "is_document": photo.is_document,
+        "dpi": page.dpi and page.dpi * result.image.shape[1] / page.image.shape[1],
+        "format": photo.format,
+    }
+    ready = to_json_ready(document)
+    assert isinstance(ready, dict)
+    return KeptPage(PageBundle(original, result.plan.packed, picture).packed(), ready)

@@ -1,0 +1,67 @@
+"""Reading of an image that nobody has turned: where it reads badly as it lies, it is turned and read again."""
+
+from dataclasses import dataclass
+
+from services.arrays import RgbImage
+from services.imaging.channels import luminance
+from services.imaging.illumination import flatten_illumination
+from services.layout.pipeline import read_words
+from services.notices import Notice
+from services.ocr.engine import OcrEngine, Word, mean_confidence
+from services.rectify.results import Orientation
+from services.rectify.view.orientation import apply_orientation, estimate_orientation
+
+READS_WELL = 0.6
+"""Mean confidence of words from which on a page lies as it reads: upright pages have 0.75 to 0.95, others 0.0 to 0.45.
+So does print in a language that the engine is not told, whose direction is then looked for in vain."""
+MANY_LETTERS = 3
+"""From so many letters on a word is wider than high where its line lies."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UprightReading:
+    """An `image` (H, W, 3) as it was read, its `words`, None without an engine, and how it was turned for that.
+
+    `orientation` is None where nothing was read.
+    """
+
+    image: RgbImage
+    words: list[Word] | None
+    orientation: Orientation | None = None
+    notices: tuple[Notice, ...] = ()
+
+
+def read_as_it_lies(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
+    """The reading of an image that is upright."""
+    return UprightReading(image, read_words(luminance(image), engine))
+
+
+def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
+    """The reading of an image, turned if it reads better so."""
+    gray = luminance(image)
+    words = read_words(gray, engine)
+    if engine is None or words is None:
+        return UprightReading(image, words)
+    confidence = mean_confidence(words)
+    if confidence >= READS_WELL and not _lies_sideways(words):
+        return UprightReading(image, words, Orientation(0, False, confidence))
+    found = estimate_orientation(flatten_illumination(gray), engine)
+    if found.rotation_deg == 0 and not found.mirrored:
+        return UprightReading(image, words, found)
+    turned = apply_orientation(image, found)
+    return UprightReading(turned, read_words(luminance(turned), engine), found, (_turned(found),))
+
+
+def _lies_sideways(words: list[Word]) -> bool:
+    """Whether most words run down or up the page: an engine may read them all the same."""
+    boxes = [word.box for word in words if len(word.text) >= MANY_LETTERS]
+    return sum(y1 - y0 > x1 - x0 for x0, y0, x1, y1 in boxes) > len(boxes) / 2
+
+
+def _turned(orientation: Orientation) -> Notice:
+    flipped = "flipped left to right, then " if orientation.mirrored else ""
+    return Notice(
+        "page-turned",
+        f"the image does not read as it lies: it was {flipped}turned by {orientation.rotation_deg} degrees clockwise, "
+        "and places are those in the turned image (`orientation`).",
+    )

@@ -1,0 +1,74 @@
+"""An image that does not read as it lies is turned, and the answer says so: a scripted engine proves the logic."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from services.arrays import GrayImage, RgbImage
+from services.ocr.engine import Word
+from services.operations.upright_reading import read_as_it_lies, read_upright
+from services.rectify.results import Orientation
+from tests.services.rectify.view.test_orientation import FlagReader, laid, page_of_flags
+
+pytestmark = pytest.mark.pipeline
+
+HIGH, WIDE = (0.0, 0.0, 20.0, 80.0), (0.0, 0.0, 80.0, 20.0)
+
+
+@dataclass
+class PageReader(FlagReader):
+    """Reads pages too: words of `box` and `confidence`, better once the first page has been turned."""
+
+    confidence: float = 0.9
+    box: tuple[float, float, float, float] = WIDE
+    pages: list[GrayImage] = field(default_factory=list)
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        self.pages.append(image)
+        again = len(self.pages) > 1
+        return [Word("words", WIDE if again else self.box, 0.95 if again else self.confidence)]
+
+
+def lying(turn: int) -> RgbImage:
+    return np.repeat(laid(page_of_flags(), Orientation(turn, False, None))[..., None], 3, axis=2)
+
+
+@pytest.mark.parametrize("turn", [90, 180, 270])
+def test_an_image_that_reads_badly_is_turned_and_read_again(turn: int) -> None:
+    engine = PageReader(confidence=0.2)
+    found = read_upright(lying(turn), engine)
+    assert found.orientation is not None
+    assert (found.orientation.rotation_deg, found.orientation.mirrored) == (turn, False)
+    np.testing.assert_array_equal(found.image, lying(0))
+    assert [notice.code for notice in found.notices] == ["page-turned"]
+    assert len(engine.pages) == 2
+    assert found.words is not None
+    assert found.words[0].confidence == 0.95
+
+
+def test_words_that_run_up_the_page_are_not_believed() -> None:
+    found = read_upright(lying(90), PageReader(box=HIGH))
+    assert found.orientation is not None
+    assert found.orientation.rotation_deg == 90
+
+
+def test_a_page_that_reads_well_is_read_once() -> None:
+    engine = PageReader()
+    found = read_upright(lying(180), engine)
+    assert (len(engine.pages), engine.reads) == (1, 0)
+    assert found.orientation == Orientation(0, False, 0.9)
+    assert found.notices == ()
+
+
+def test_an_upright_page_of_an_unknown_language_stays() -> None:
+    engine = PageReader(confidence=0.2)
+    found = read_upright(lying(0), engine)
+    np.testing.assert_array_equal(found.image, lying(0))
+    assert (len(engine.pages), found.notices) == (1, ())
+
+
+def test_without_an_engine_nothing_is_known() -> None:
+    for read in (read_upright, read_as_it_lies):
+        found = read(lying(180), None)
+        assert (found.words, found.orientation, found.notices) == (None, None, ())
