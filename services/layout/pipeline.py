@@ -78,7 +78,7 @@ def segment_read_page(
 
     The last is whether words were left unread, because the time was over.
     """
-    gray, ends_s = luminance(image), time.monotonic() + limit_s
+    gray, ends_s = luminance(image), time.process_time() + limit_s
     even, cut = readable(gray), False
     if isinstance(engine, BoundedReader) and limit_s < float("inf"):
         words, cut = engine.read_page_within(even, limit_s)

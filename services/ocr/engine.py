@@ -70,7 +70,7 @@ class BoundedReader(OcrEngine, Protocol):
     """An engine that stops reading a page when its time is over."""
 
     def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
-        """Words of a page that were read in `seconds` (wall time), and whether others were left."""
+        """Words of a page that were read in `seconds` of processor time, and whether others were left."""
         ...
 
 

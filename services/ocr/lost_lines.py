@@ -53,7 +53,7 @@ def with_lost_lines(
 
     A line is read again as a whole, with all that the engine read as parts of it, so that no word is there twice. The
     new words take the number of the first of these parts. An engine that cannot read single lines as words leaves them
-    as they are. None is read after `ends_s` (of `time.monotonic`).
+    as they are. None is read after `ends_s` (of `time.process_time`).
     """
     p = LostLineParameters()
     found = detect_text_lines(gray).rows
@@ -71,7 +71,7 @@ def with_lost_lines(
         sure = [words[k].box for k in np.flatnonzero(own & table.sure).tolist()]
         if _covered(sure, line) >= p.least_cover:
             continue
-        if vain >= p.most_vain + p.vain_for_each * better or time.monotonic() >= ends_s:
+        if vain >= p.most_vain + p.vain_for_each * better or time.process_time() >= ends_s:
             break
         if sure and left <= 0.0:
             continue

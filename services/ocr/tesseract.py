@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage
+from services.ocr.cpu_limit import CpuTimeOver, can_limit, cpu_limit
 from services.ocr.engine import OcrEngine, ReadDirection, Word
 from services.ocr.languages import DEFAULT_LANGUAGE
 from services.ocr.reading_direction import order_letters
@@ -117,9 +118,9 @@ class TesseractEngine:
 
     def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
         """See `BoundedReader`; layout analysis, which comes first, is always done."""
-        return self._read_page(image, max(1, round(1000 * seconds)))
+        return self._read_page(image, max(0.001, seconds))
 
-    def _read_page(self, image: GrayImage, limit_ms: int | None) -> tuple[list[Word], bool]:
+    def _read_page(self, image: GrayImage, limit_s: float | None) -> tuple[list[Word], bool]:
         if min(image.shape) < _SMALLEST_SIDE_PX:
             return [], False
         factor = min(1.0, _LARGEST_SIDE_PX / max(image.shape))
@@ -128,7 +129,7 @@ class TesseractEngine:
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
         api = self._api("page", self._library.PSM.AUTO, self._language)
         self._set_image(api, image)
-        return self._recognize(api, factor, limit_ms)
+        return self._recognize(api, factor, limit_s)
 
     def read_line(self, image: GrayImage) -> tuple[str, float]:
         """Text of one horizontal line crop, and the length-weighted confidence of its words, 0-1."""
@@ -191,17 +192,28 @@ class TesseractEngine:
         api.SetImageBytes(np.ascontiguousarray(image).tobytes(), width, height, 1, width)
 
     def _recognize(
-        self, api: Any, factor: float = 1.0, limit_ms: int | None = None
+        self, api: Any, factor: float = 1.0, limit_s: float | None = None
     ) -> tuple[list[Word], bool]:
         """Words that were recognized, and whether the limit came first; what was recognized until then is there."""
         try:
-            done = api.Recognize(limit_ms or 0)
-            cut = limit_ms is not None and not done
+            done = self._recognize_within(api, limit_s)
+            cut = limit_s is not None and not done
             words = list(self._words(api, factor)) if done or cut else []
         finally:
             api.Clear()
         # On blank ground the engine makes up a word, without any confidence.
         return (words if any(word.confidence > 0.0 for word in words) else []), cut
+
+    @staticmethod
+    def _recognize_within(api: Any, limit_s: float | None) -> bool:
+        """Whether the recognition came to its end; in other threads than the main one the limit is of wall time."""
+        if limit_s is None or not can_limit():
+            return bool(api.Recognize(0 if limit_s is None else max(1, round(1000 * limit_s))))
+        try:
+            with cpu_limit(limit_s):
+                return bool(api.Recognize())
+        except CpuTimeOver:
+            return False
 
     def _words(self, api: Any, factor: float) -> Iterator[Word]:
         """Words of the last recognition; boxes are divided by `factor`."""

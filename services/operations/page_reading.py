@@ -27,13 +27,13 @@ from services.text.plain import write_markdown, write_plain_text
 
 READING_BEGINS = 0.55
 """Typical progress before a page is read, if it is."""
-LIMIT_S = 12.0
-"""Wall time after which no more of a page is read: of the 30 s that a photo has by default, half are for its
-flattening on a busy machine, and the rest for segmentation and the file. A page of tables takes 2 to 4 CPU s."""
+LIMIT_S = 8.0
+"""Processor time after which no more of a page is read. A page of tables takes 2 to 4 s. Of wall time 12 s cut such
+pages where four processes shared a processor."""
 READING_CUT = Notice(
     "reading-cut",
-    f"The page was not read to its end within {LIMIT_S:g} s: the text holds what was read until then. Send the page "
-    "again when the server is less busy, or a part of it.",
+    f"The page was not read to its end within {LIMIT_S:g} s of processor time: the text holds what was read until "
+    "then. Send a part of the page.",
 )
 LEAST_HELD = 0.5
 """Least share of a page's words in its text zones. It was 0.13 on a dark photo whose zones were wrong."""
