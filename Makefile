@@ -47,7 +47,7 @@ BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
 BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
-.PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review \
+.PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review bench-reading \
 	system-packages postgresql chromium licences typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
@@ -71,6 +71,7 @@ help:
 	@echo 'make bench-layout     labels and classes of pages with labelled zones, a random forest beside; zones; matching'
 	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, servers that are killed; documents, many models, discovery'
 	@echo 'make bench-review     the order of the review queue, and what goes through without a person'
+	@echo 'make bench-reading    text of photos, app scans, receipts and flat pages beside Tesseract alone; then ten languages'
 	@echo 'make licences         what the image holds under which licence, written anew (deploy/licences.md, sbom.cdx.json)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
@@ -145,6 +146,12 @@ bench-learning: venv-dev
 
 bench-review: venv-dev
 	@$(BIN)/python -m benchmarks review $(BENCH_OPTIONS)
+
+# App scans are Russian; what ten languages need is said by their benchmark.
+bench-reading: LANGUAGES += rus
+bench-reading: venv-dev
+	@$(BIN)/python -m benchmarks reading $(BENCH_OPTIONS)
+	@$(BIN)/python -m benchmarks languages
 
 # `$(call install_packages,NAMES,CONSEQUENCE)` installs Debian's packages, as root or by sudo without a password. Where
 # it may not, it says so with the consequence, and succeeds.

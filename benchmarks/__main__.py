@@ -23,6 +23,7 @@ MODULES = {
     "whole_sheets": "rectify.whole_sheets",
     "print_kept": "rectify.print_kept",
     "flatness": "rectify.flatness",
+    "reading": "reading.study",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

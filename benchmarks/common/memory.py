@@ -7,7 +7,7 @@ reader or of a peer is what `--fresh` is for.
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -93,6 +93,26 @@ class Memory:
         digest = hashlib.sha256(f"{who} {image.shape} ".encode())
         digest.update(image.tobytes())
         return self.folder / (digest.hexdigest()[:32] + suffix)
+
+
+def kept_picture(
+    folder: Path | None, sources: Sequence[Path], make: Callable[[], RgbImage | None]
+) -> RgbImage | None:
+    """`make()`, kept under a digest of the files that it depends on; nothing is kept without a folder."""
+    if folder is None:
+        return make()
+    digest = hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in sources))
+    file = folder / (digest.hexdigest()[:32] + ".png")
+    none = file.with_suffix(".none")
+    if file.is_file() or none.is_file():
+        return load_picture(file) if file.is_file() else None
+    made = make()
+    if made is None:
+        _write(none, "")
+    else:
+        folder.mkdir(parents=True, exist_ok=True)
+        save_picture(file, made)
+    return made
 
 
 def _write(file: Path, text: str) -> None:

@@ -35,7 +35,7 @@ from services.layout.segmentation import (
     segment_finely,
     segment_page,
 )
-from services.ocr.engine import OcrEngine, Word
+from services.ocr.engine import BoundedReader, OcrEngine, Word
 from services.ocr.lost_lines import with_lost_lines
 
 __all__ = [
@@ -48,6 +48,7 @@ __all__ = [
     "initialize_model",
     "read_page",
     "read_words",
+    "readable",
     "recognize",
     "regroup",
     "regroup_pieces",
@@ -72,12 +73,21 @@ def fine_page(
     return (features or content_features()).measure_page(compose_page(fine)), fine
 
 
-def segment_read_page(image: RgbImage, engine: OcrEngine) -> tuple[Page, list[Word]]:
-    """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it."""
-    gray = luminance(image)
-    readable = _readable(gray)
-    words = with_lost_lines(readable, engine.read_page(readable), engine)
-    return segment_page(gray, words), words
+def segment_read_page(
+    image: RgbImage, engine: OcrEngine, limit_s: float = float("inf")
+) -> tuple[Page, list[Word], bool]:
+    """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it in `limit_s`.
+
+    The last is whether words were left unread, because the time was over.
+    """
+    gray, ends_s = luminance(image), time.process_time() + limit_s
+    even, cut = readable(gray), False
+    if isinstance(engine, BoundedReader) and limit_s < float("inf"):
+        words, cut = engine.read_page_within(even, limit_s)
+    else:
+        words = engine.read_page(even)
+    words = with_lost_lines(even, words, engine, ends_s)
+    return segment_page(gray, words), words, cut
 
 
 def complete_page(
@@ -220,13 +230,14 @@ def _join_pieces(
 
 
 def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
-    """Words of a page, read after correction of its illumination; None without an engine.
+    """Words of a page; None without an engine."""
+    return None if engine is None else engine.read_page(readable(gray))
 
-    An engine with a global threshold loses half of the words in shadows. A page with dark ground is not corrected.
+
+def readable(gray: GrayImage) -> GrayImage:
+    """The page (H, W) in even light; one with dark ground as it is.
+
+    An engine with a global threshold loses half of the words in shadows.
     """
-    return None if engine is None else engine.read_page(_readable(gray))
-
-
-def _readable(gray: GrayImage) -> GrayImage:
     is_light = np.median(gray[::8, ::8]) >= LIGHT_GROUND
     return flatten_illumination(gray) if is_light else gray

@@ -9,11 +9,15 @@ from services.arrays import GrayImage
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A read word: its text, box (x0, y0, x1, y1) in pixels, and confidence 0-1."""
+    """A read word: its text, box (x0, y0, x1, y1) in pixels, and confidence 0-1.
+
+    `line` numbers the lines of a reading; None where the engine names none.
+    """
 
     text: str
     box: tuple[float, float, float, float]
     confidence: float
+    line: int | None = None
 
 
 class OcrEngine(Protocol):
@@ -58,6 +62,15 @@ class LineReader(OcrEngine, Protocol):
 
     def read_line_words(self, image: GrayImage) -> list[Word]:
         """Words of one horizontal line; boxes are in pixels of `image` (H, W) uint8."""
+        ...
+
+
+@runtime_checkable
+class BoundedReader(OcrEngine, Protocol):
+    """An engine that stops reading a page when its time is over."""
+
+    def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
+        """Words of a page that were read in `seconds` of processor time, and whether others were left."""
         ...
 
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage
+from services.ocr.cpu_limit import CpuTimeOver, can_limit, cpu_limit
 from services.ocr.engine import OcrEngine, ReadDirection, Word
 from services.ocr.languages import DEFAULT_LANGUAGE
 from services.ocr.reading_direction import order_letters
@@ -113,15 +114,22 @@ class TesseractEngine:
 
     def read_page(self, image: GrayImage) -> list[Word]:
         """Words of a whole page, in reading order; boxes are in pixels of `image` (H, W) uint8."""
+        return self._read_page(image, None)[0]
+
+    def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
+        """See `BoundedReader`; layout analysis, which comes first, is always done."""
+        return self._read_page(image, max(0.001, seconds))
+
+    def _read_page(self, image: GrayImage, limit_s: float | None) -> tuple[list[Word], bool]:
         if min(image.shape) < _SMALLEST_SIDE_PX:
-            return []
+            return [], False
         factor = min(1.0, _LARGEST_SIDE_PX / max(image.shape))
         if factor < 1.0:
             size = (max(1, int(image.shape[1] * factor)), max(1, int(image.shape[0] * factor)))
             image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
         api = self._api("page", self._library.PSM.AUTO, self._language)
         self._set_image(api, image)
-        return self._recognize(api, factor)
+        return self._recognize(api, factor, limit_s)
 
     def read_line(self, image: GrayImage) -> tuple[str, float]:
         """Text of one horizontal line crop, and the length-weighted confidence of its words, 0-1."""
@@ -129,7 +137,7 @@ class TesseractEngine:
             return "", 0.0
         api = self._api("line", self._library.PSM.SINGLE_LINE, self._language)
         self._set_image(api, image)
-        words = self._recognize(api)
+        words, _ = self._recognize(api)
         length = sum(len(word.text) for word in words)
         if length == 0:
             return "", 0.0
@@ -142,7 +150,7 @@ class TesseractEngine:
             return []
         api = self._api("line words", self._library.PSM.RAW_LINE, self._language)
         self._set_image(api, image)
-        return self._recognize(api)
+        return self._recognize(api)[0]
 
     def detect_direction(self, image: GrayImage) -> ReadDirection | None:
         """Orientation of a page by Tesseract's own script detection; None without its data or enough text."""
@@ -183,21 +191,38 @@ class TesseractEngine:
         height, width = image.shape
         api.SetImageBytes(np.ascontiguousarray(image).tobytes(), width, height, 1, width)
 
-    def _recognize(self, api: Any, factor: float = 1.0) -> list[Word]:
+    def _recognize(
+        self, api: Any, factor: float = 1.0, limit_s: float | None = None
+    ) -> tuple[list[Word], bool]:
+        """Words that were recognized, and whether the limit came first; what was recognized until then is there."""
         try:
-            words = list(self._words(api, factor)) if api.Recognize() else []
+            done = self._recognize_within(api, limit_s)
+            cut = limit_s is not None and not done
+            words = list(self._words(api, factor)) if done or cut else []
         finally:
             api.Clear()
         # On blank ground the engine makes up a word, without any confidence.
-        return words if any(word.confidence > 0.0 for word in words) else []
+        return (words if any(word.confidence > 0.0 for word in words) else []), cut
+
+    @staticmethod
+    def _recognize_within(api: Any, limit_s: float | None) -> bool:
+        """Whether the recognition came to its end; in other threads than the main one the limit is of wall time."""
+        if limit_s is None or not can_limit():
+            return bool(api.Recognize(0 if limit_s is None else max(1, round(1000 * limit_s))))
+        try:
+            with cpu_limit(limit_s):
+                return bool(api.Recognize())
+        except CpuTimeOver:
+            return False
 
     def _words(self, api: Any, factor: float) -> Iterator[Word]:
         """Words of the last recognition; boxes are divided by `factor`."""
-        level = self._library.RIL.WORD
+        level, line = self._library.RIL.WORD, -1
         words = api.GetIterator()
         if words is None:
             return
         for word in self._library.iterate_level(words, level):
+            line += word.IsAtBeginningOf(self._library.RIL.TEXTLINE)
             box = word.BoundingBox(level)
             if word.Empty(level) or box is None:
                 continue
@@ -208,4 +233,4 @@ class TesseractEngine:
             if text:
                 x0, y0, x1, y1 = (float(edge) / factor for edge in box)
                 confidence = min(1.0, max(0.0, word.Confidence(level) / 100.0))
-                yield Word(text, (x0, y0, x1, y1), confidence)
+                yield Word(text, (x0, y0, x1, y1), confidence, line)

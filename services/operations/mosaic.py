@@ -1,6 +1,7 @@
 """The page that several photos show: check, decode, run the pipeline, encode."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from services.imaging.looks import scanner_look
 from services.imaging.page_images import naming_page
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Pair, Patch
-from services.operations.page_reading import read_flat_page, reading_engine
+from services.operations.page_reading import READING_CUT, read_flat_page, reading_engine
 from services.operations.reader import ocr_engine
 from services.operations.reduced_views import reduce_mosaic
 from services.operations.replies import (
@@ -67,6 +68,8 @@ def mosaic_uploads(
         reader, language = reading_engine(parameters.language)
         with timed("reading", timings_ms, MOSAIC_READING_BEGINS):
             text = read_flat_page(result.image, reader, language)
+        if text.cut:
+            result = replace(result, warnings=(*result.warnings, READING_CUT))
     result = reduce_mosaic(result, encoding)
     if text is not None:
         text = text.resized(result.image.shape[1], result.image.shape[0])

@@ -1,7 +1,7 @@
 """The text of a flat page: OCR on its flat-fielded picture, in the reading order of page segmentation."""
 
 import math
-from itertools import groupby
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from services.errors import InvalidOption
 from services.layout.page import Page, Zone
 from services.layout.pipeline import segment_read_page
 from services.layout.segmentation.reading_order import reading_order
+from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.languages import language_tag
 from services.ocr.tesseract import default_language, installed_languages
@@ -26,6 +27,14 @@ from services.text.plain import write_markdown, write_plain_text
 
 READING_BEGINS = 0.55
 """Typical progress before a page is read, if it is."""
+LIMIT_S = 8.0
+"""Processor time after which no more of a page is read. A page of tables takes 2 to 4 s. Of wall time 12 s cut such
+pages where four processes shared a processor."""
+READING_CUT = Notice(
+    "reading-cut",
+    f"The page was not read to its end within {LIMIT_S:g} s of processor time: the text holds what was read until "
+    "then. Send a part of the page.",
+)
 LEAST_HELD = 0.5
 """Least share of a page's words in its text zones. It was 0.13 on a dark photo whose zones were wrong."""
 
@@ -85,15 +94,14 @@ def read_flat_page(
         (rows, columns, 2): the photo points of the page, as `RectifyResult.mesh`; None if there is no single photo.
     """
     height, width = image.shape[:2]
-    page, words = segment_read_page(image, engine)
+    page, words, cut = segment_read_page(image, engine, LIMIT_S)
     # An engine's box may have no extent, or end outside of the picture.
     words = [word for word in words if word.box[2] > word.box[0] and word.box[3] > word.box[1]]
     blocks = arrange_words(words, _believable_regions(page, words))
-    text = PageText(width, height, language, blocks)
+    text = PageText(width, height, language, blocks, cut=cut)
     if mesh is None:
         return text
-    places = locate_boxes(mesh, width, height, [word.box for word in text.words])
-    return PageText(width, height, language, blocks, places)
+    return replace(text, places=locate_boxes(mesh, width, height, [word.box for word in text.words]))
 
 
 def _believable_regions(page: Page, words: list[Word]) -> list[Region]:
@@ -112,8 +120,7 @@ def _believable_regions(page: Page, words: list[Word]) -> list[Region]:
 
 
 def _region(zone: Zone) -> Region:
-    rows = groupby(zone.words, key=lambda word: word.line)
-    return Region(zone.box, zone.font_size, tuple(tuple(word.box for word in row) for _, row in rows))
+    return Region(zone.box, zone.font_size, tuple(word.box for word in zone.words))
 
 
 def describe_text(text: PageText) -> dict[str, object]:

@@ -18,7 +18,7 @@ from services.imaging.page_images import PagePicture
 from services.imaging.square_pixels import square_pixels
 from services.operations.capture_reply import describe_quality
 from services.operations.page_bundle import keep_page
-from services.operations.page_reading import READING_BEGINS, read_flat_page, reading_engine
+from services.operations.page_reading import READING_BEGINS, READING_CUT, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_pages_reply
 from services.operations.reader import ocr_engine
 from services.operations.reduced_views import reduce_view
@@ -151,6 +151,8 @@ def describe_page(
             text = read_flat_page(
                 result.image, engine, language, in_pixels_of_file(result, photo.stretch).mesh
             )
+        if text.cut:
+            result = replace(result, warnings=(*result.warnings, READING_CUT))
     with timed("quality", result.timings_ms):
         quality = describe_quality(photo.pixels, result, words=None if text is None else text.words)
     view = reduce_view(result, encoding)

@@ -1,4 +1,8 @@
-"""Words of a page, arranged in the blocks and the reading order that page segmentation found."""
+"""Lines of a page in the blocks and the reading order that page segmentation found.
+
+The engine's lines are the lines of the text: a line goes into a zone as a whole, and zones order lines and never words.
+Zones are boxes, which cut through a line that is a little bent or aslant; the engine follows it.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -17,7 +21,9 @@ class ArrangementParameters:
     """Which words are one line, and which blocks are headings."""
 
     row_share: float = 0.5
-    """Two words are in one row if they share this much of the lower one's height."""
+    """Two parts of a line are in one row if they share this much of the lower one's height."""
+    overlap: float = 0.5
+    """Two lines of the engine that have more than this of the narrower one's width in common are not one row."""
     heading: float = 1.2
     """A block whose print is larger than that of most words by this factor is a heading."""
     large_heading: float = 1.6
@@ -32,38 +38,69 @@ class ArrangementParameters:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A text zone of segmentation: its box, the em of its print in pixels (None: unknown), and its words by rows."""
+    """A text zone of segmentation: its box, the em of its print in pixels (None: unknown), and its words' boxes."""
 
     box: Box
     font_size: float | None
-    rows: tuple[tuple[Box, ...], ...]
+    words: tuple[Box, ...]
+
+
+Part = list[Word]
+"""One of the engine's lines: a line of print, or a part of one."""
 
 
 def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[TextBlock, ...]:
     """Blocks of all `words` (in the engine's order), in the order of `regions`.
 
-    A word belongs to the region that segmentation put it in, else to the smallest region that contains its centre.
-    Words in no region make blocks of their own at the end, but for words and rows that the engine probably made up.
+    A word belongs to the region that segmentation put it in, else to the smallest region that contains its centre; a
+    line to the region of most of its letters. Lines in no region make blocks of their own, each after the last block
+    that lies above it, but for words and rows that the engine probably made up. Without regions nothing is left out:
+    then there is no place where print is expected.
     """
     p = ArrangementParameters()
-    region_of = {box: index for index, region in enumerate(regions) for row in region.rows for box in row}
-    held: list[list[Word]] = [[] for _ in regions]
-    others: list[Word] = []
+    region_of = {box: index for index, region in enumerate(regions) for box in region.words}
     boxes = np.array([region.box for region in regions], dtype=np.float64).reshape(-1, 4)
-    for word in words:
-        index = region_of.get(word.box)
-        if index is None:
-            index = _smallest_around(boxes, word.box)
+
+    held: list[list[Part]] = [[] for _ in regions]
+    others: list[Part] = []
+    for line in _lines_of(words):
+        letters: Counter[int | None] = Counter()
+        for word in line:
+            index = region_of.get(word.box)
+            letters[_smallest_around(boxes, word.box) if index is None else index] += len(word.text)
+        index = letters.most_common(1)[0][0]
         if index is not None:
-            held[index].append(word)
-        elif any(map(str.isalnum, word.text)):
-            others.append(word)
+            held[index].append(line)
+        elif any(character.isalnum() for word in line for character in word.text):
+            others.append(line)
     usual = _usual_size(regions, held)
     blocks = [
         _block(mine, region.font_size, usual, p) for region, mine in zip(regions, held, strict=True) if mine
     ]
-    rows = [kept for row in rows_of(others, p) if (kept := _believed(row.words, p))]
-    return (*blocks, *(TextBlock((TextLine(tuple(kept)),)) for kept in rows))
+    for row in rows_of(others, p):
+        if kept := _believed(row.words, p) if regions else row.words:
+            block = TextBlock((TextLine(tuple(kept)),))
+            blocks.insert(_after_above(blocks, block.box), block)
+    return tuple(blocks)
+
+
+def _lines_of(words: Sequence[Word]) -> list[Part]:
+    """The engine's lines in its order, their words from left to right; each word without a line is one of its own."""
+    lines: dict[int, Part] = {}
+    for number, word in enumerate(words):
+        lines.setdefault(-1 - number if word.line is None else word.line, []).append(word)
+    return [sorted(line, key=lambda word: word.box[0] + word.box[2]) for line in lines.values()]
+
+
+def _after_above(blocks: Sequence[TextBlock], box: Box) -> int:
+    """Index behind the last block that lies above `box` in its columns; the end if all or none of the blocks do."""
+    above = [block.box[1] + block.box[3] < box[1] + box[3] for block in blocks]
+    mine = [
+        index
+        for index, block in enumerate(blocks)
+        if above[index] and min(block.box[2], box[2]) > max(block.box[0], box[0])
+    ]
+    return len(blocks) if all(above) or not mine else mine[-1] + 1
 
 
 def _believed(row: Sequence[Word], parameters: ArrangementParameters) -> list[Word]:
@@ -72,17 +109,24 @@ def _believed(row: Sequence[Word], parameters: ArrangementParameters) -> list[Wo
     return [word for word in row if word.confidence >= least]
 
 
-def rows_of(words: Sequence[Word], parameters: ArrangementParameters | None = None) -> tuple[TextLine, ...]:
-    """Rows of one column of words, from the top down; the words of each in the direction of its script."""
+def rows_of(parts: Sequence[Part], parameters: ArrangementParameters | None = None) -> tuple[TextLine, ...]:
+    """Rows of one column, from the top down; the words of each in the direction of its script.
+
+    Parts of lines beside each other are one row where their facing ends are level, so that a bent line is one.
+    """
     p = parameters or ArrangementParameters()
     rows: list[list[Word]] = []
-    for word in sorted(words, key=lambda word: word.box[1] + word.box[3]):
-        shared = [_shared_height(word.box, row) for row in rows[-3:]]
+    for part in sorted(parts, key=_middle):
+        shared = [_shared_height(part, row, p) for row in rows[-3:]]
         if shared and max(shared) >= p.row_share:
-            rows[-len(shared) :][int(np.argmax(shared))].append(word)
+            rows[-len(shared) :][int(np.argmax(shared))] += part
         else:
-            rows.append([word])
+            rows.append(list(part))
     return tuple(_line(row) for row in rows)
+
+
+def _middle(part: Sequence[Word]) -> float:
+    return float(np.mean([word.box[1] + word.box[3] for word in part]))
 
 
 def _line(words: Sequence[Word]) -> TextLine:
@@ -94,13 +138,22 @@ def _line(words: Sequence[Word]) -> TextLine:
     return TextLine(tuple(order))
 
 
-def _shared_height(box: Box, row: Sequence[Word]) -> float:
-    """Share of the lower one's height that `box` has in common with the last words of a row."""
-    shares = []
-    for word in row[-4:]:
-        common = min(box[3], word.box[3]) - max(box[1], word.box[1])
-        shares.append(common / max(1e-9, min(box[3] - box[1], word.box[3] - word.box[1])))
-    return max(shares)
+def _shared_height(part: Sequence[Word], row: Sequence[Word], p: ArrangementParameters) -> float:
+    """Share of the lower one's height that the nearest words of a part and of a row have in common; 0 if they overlap.
+
+    Words whose line is not known may overlap: the engine's boxes reach over neighbours.
+    """
+    left, right = min(word.box[0] for word in part), max(word.box[2] for word in part)
+    start, end = min(word.box[0] for word in row), max(word.box[2] for word in row)
+    known = part[0].line is not None and row[0].line is not None
+    if known and min(right, end) - max(left, start) > p.overlap * min(right - left, end - start):
+        return 0.0
+    one, other = min(
+        ((mine, word) for mine in part for word in row),
+        key=lambda pair: max(pair[0].box[0], pair[1].box[0]) - min(pair[0].box[2], pair[1].box[2]),
+    )
+    common = min(one.box[3], other.box[3]) - max(one.box[1], other.box[1])
+    return common / max(1e-9, min(one.box[3] - one.box[1], other.box[3] - other.box[1]))
 
 
 def _smallest_around(boxes: NDArray[np.float64], box: Box) -> int | None:
@@ -112,24 +165,25 @@ def _smallest_around(boxes: NDArray[np.float64], box: Box) -> int | None:
     return int(around[np.argmin(areas)])
 
 
-def _usual_size(regions: Sequence[Region], held: Sequence[Sequence[Word]]) -> float | None:
+def _usual_size(regions: Sequence[Region], held: Sequence[Sequence[Part]]) -> float | None:
     """The em of most words."""
     sizes: Counter[float] = Counter()
-    for region, words in zip(regions, held, strict=True):
+    for region, parts in zip(regions, held, strict=True):
         if region.font_size is not None:
-            sizes[region.font_size] += len(words)
+            sizes[region.font_size] += sum(map(len, parts))
     if not sizes:
         return None
     return float(np.median(list(sizes.elements()))) if sizes.total() else None
 
 
 def _block(
-    words: Sequence[Word], font_size: float | None, usual: float | None, p: ArrangementParameters
+    parts: Sequence[Part], font_size: float | None, usual: float | None, p: ArrangementParameters
 ) -> TextBlock:
+    words = [word for part in parts for word in part]
     kind: BlockKind = "text"
     level = 0
     larger = 1.0 if font_size is None or usual is None else font_size / usual
     has_letters = any(any(map(str.isalpha, word.text)) for word in words)
     if larger >= p.heading and len(words) <= p.heading_words and has_letters:
         kind, level = "heading", 1 if larger >= p.large_heading else 2
-    return TextBlock(rows_of(words, p), kind, level)
+    return TextBlock(rows_of(parts, p), kind, level)

@@ -65,7 +65,7 @@ class PageText:
 
     `language` is what the OCR engine read (`eng`, or `eng+fra`). `places` are the words' quadrilaterals in the photo,
     in the order of `words`; None for a word whose place the photo does not show. It is empty if the page is of no
-    single photo.
+    single photo. `cut`: the page was not read to its end, since the time was over.
     """
 
     width: int
@@ -73,6 +73,7 @@ class PageText:
     language: str
     blocks: tuple[TextBlock, ...]
     places: tuple[Quadrilateral | None, ...] = field(default=())
+    cut: bool = False
 
     @property
     def lines(self) -> tuple[TextLine, ...]:

@@ -1,5 +1,7 @@
 """Lines that the page reading lost: read again as lines, and only those."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,7 @@ def test_a_lost_line_is_read_where_it_is(
     found = with_lost_lines(gray, [read(boxes[0]), read(boxes[2])], engine)
     assert [word.text for word in found] == ["first line read", "first line read", "read again"]
     assert found[2].box == pytest.approx(boxes[1], abs=4)
+    assert found[2].line == 0, "no other word has a line"
     assert len(engine.crops) == 1
 
 
@@ -140,3 +143,59 @@ def test_lines_that_read_no_better_are_soon_left_alone(confidence: float, readin
     engine = LineEngine(confidence)
     with_lost_lines(np.asarray(canvas, dtype=np.uint8), [], engine)
     assert len(engine.crops) == readings
+
+
+def test_a_line_is_read_again_as_a_whole(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    """The engine's line 4 was read unsurely in a part: it is replaced, and keeps its number."""
+    gray, boxes = page
+    x0, y0, x1, y1 = boxes[1]
+    middle = (x0 + x1) / 2
+    halves = [Word("unsure", (x0, y0, middle, y1), 0.2, 4), Word("sure", (middle + 9, y0, x1, y1), 0.9, 4)]
+    words = [replace(read(boxes[0]), line=3), *halves, replace(read(boxes[2]), line=5)]
+    found = with_lost_lines(gray, words, LineEngine())
+    assert [(word.text, word.line) for word in found] == [
+        ("first line read", 3),
+        ("read again", 4),
+        ("first line read", 5),
+    ]
+
+
+def test_no_line_is_read_after_the_time_is_over(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    engine = LineEngine()
+    assert with_lost_lines(page[0], [], engine, ends_s=0.0) == []
+    assert engine.crops == []
+
+
+@pytest.mark.parametrize(("confidence", "most"), [(0.9, 0.4), (0.2, 1.0)])
+def test_lines_that_were_read_in_part_are_read_again_up_to_a_share(confidence: float, most: float) -> None:
+    """Of 30 lines of one length about 0.3 are, and all where nothing was surely read."""
+    canvas = blank(1000, 1800)
+    boxes = set_lines(canvas, (60, 60), 30, HEIGHT, words=6)
+    words = [
+        Word("half", (x0, y0, (x0 + x1) / 2, y1), confidence, k) for k, (x0, y0, x1, y1) in enumerate(boxes)
+    ]
+    engine = LineEngine()
+    with_lost_lines(np.asarray(canvas, dtype=np.uint8), words, engine)
+    assert 0.2 < len(engine.crops) / 30 <= most
+    assert (len(engine.crops) == 30) == (most == 1.0)
+
+
+def test_a_high_word_stays_with_the_words_of_its_line(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]],
+) -> None:
+    """Its box reaches into the next line, which is read again."""
+    gray, boxes = page
+    (x0, y0, x1, y1), below = boxes[:2]
+    high = Word("high", (x0, y0, x0 + 100, below[3]), 0.9, 0)
+    words = [high, Word("rest", (x0 + 110, y0, x1, y1), 0.9, 0), replace(read(boxes[2]), line=2)]
+    found = with_lost_lines(gray, words, LineEngine())
+    assert [(word.text, word.line) for word in found] == [
+        ("high", 0),
+        ("rest", 0),
+        ("first line read", 2),
+        ("read again", 3),
+    ]

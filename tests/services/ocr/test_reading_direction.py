@@ -53,6 +53,9 @@ class _Iterator:
     def BoundingBox(self, level: int) -> tuple[int, int, int, int]:
         return 10, 20, 50, 40
 
+    def IsAtBeginningOf(self, level: int) -> bool:
+        return True
+
     def Empty(self, level: int) -> bool:
         return False
 
@@ -65,7 +68,9 @@ class _Iterator:
 
 def test_the_engine_gives_words_as_they_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
     found = _Iterator(ARABIC[::-1])
-    library = SimpleNamespace(RIL=SimpleNamespace(WORD=3), iterate_level=lambda words, level: [words])
+    library = SimpleNamespace(
+        RIL=SimpleNamespace(WORD=3, TEXTLINE=2), iterate_level=lambda words, level: [words]
+    )
     engine = object.__new__(TesseractEngine)
     monkeypatch.setattr(engine, "_library", library, raising=False)
     api = SimpleNamespace(GetIterator=lambda: found)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from services.ocr import tesseract
-from services.ocr.engine import DirectionDetector, OcrEngine
+from services.ocr.engine import BoundedReader, DirectionDetector, OcrEngine
 from services.ocr.tesseract import (
     EngineUnavailable,
     TesseractEngine,
@@ -57,6 +57,12 @@ def test_page_is_read_with_boxes_in_its_own_pixels() -> None:
     assert first[0] == pytest.approx(boxes[0][0], abs=4)
     assert first[1] == pytest.approx(boxes[0][1], abs=4)
     assert max(word.box[3] for word in words) == pytest.approx(boxes[-1][3], abs=8)
+    assert [word.line for word in words] == sorted(8 * list(range(6)))
+    assert isinstance(engine, BoundedReader)
+    assert engine.read_page_within(np.asarray(page, dtype=np.uint8), 600.0) == (words, False)
+    early, cut = engine.read_page_within(np.asarray(page, dtype=np.uint8), 0.0)
+    assert cut
+    assert len(early) < len(words)
 
 
 @pytest.mark.pipeline

@@ -59,9 +59,22 @@ def test_zones_that_miss_most_words_do_not_order_them(monkeypatch: pytest.Monkey
     below = Word("Bell", (100, 200, 180, 230), 0.9)
     held = Zone("z0", (90, 190, 190, 240), words=(ReadWord(below.text, below.box, 0.9, 0),), text="Bell")
     page = Page(800, 600, (held,))
-    monkeypatch.setattr(page_reading, "segment_read_page", lambda image, engine: (page, [*WORDS, below]))
+    monkeypatch.setattr(page_reading, "segment_read_page", lambda *given: (page, [*WORDS, below], False))
     document = read(Encoding("json")).document
     assert [word["text"] for word in document["text"]["words"]] == ["Dear", "Smith", "Bell"]  # type: ignore[index]
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_a_page_that_was_not_read_to_its_end_has_a_warning(
+    monkeypatch: pytest.MonkeyPatch, cut: bool
+) -> None:
+    monkeypatch.setattr(
+        page_reading, "segment_read_page", lambda *given: (Page(800, 600, ()), list(WORDS), cut)
+    )
+    document = read(Encoding("json")).document
+    assert [word["text"] for word in document["text"]["words"]] == ["Dear", "Smith"]  # type: ignore[index]
+    codes = [warning["code"] for warning in document["warnings"]]  # type: ignore[attr-defined]
+    assert ("reading-cut" in codes) == cut
 
 
 def test_without_the_option_nothing_is_read(monkeypatch: pytest.MonkeyPatch) -> None:

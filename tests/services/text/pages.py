@@ -1,6 +1,7 @@
 """Pages of text for tests: words on a grid, two columns, scripts."""
 
 from services.ocr.engine import Word
+from services.text.arrangement import rows_of
 from services.text.page_text import PageText, TextBlock, TextLine
 
 
@@ -12,6 +13,11 @@ def word(text: str, left: float, top: float, width: float = 80.0, height: float 
 def line(top: float, *texts: str, left: float = 100.0) -> TextLine:
     """Words of 80 pixels every 100 pixels."""
     return TextLine(tuple(word(text, left + 100 * index, top) for index, text in enumerate(texts)))
+
+
+def rows_of_words(words: list[Word]) -> tuple[TextLine, ...]:
+    """Rows of words of which no lines are known."""
+    return rows_of([[word] for word in words])
 
 
 def page(*lines: TextLine, heading: str = "") -> PageText:

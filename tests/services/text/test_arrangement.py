@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from services.ocr.engine import Word
-from services.text.arrangement import Region, arrange_words, rows_of
+from services.text.arrangement import Region, arrange_words
 from services.text.page_text import is_right_to_left, join_words
 from services.text.photo_places import locate_boxes, locate_points
-from tests.services.text.pages import word
+from tests.services.text.pages import rows_of_words, word
 
 
 def texts(blocks: object) -> list[list[str]]:
@@ -21,7 +21,7 @@ def test_words_follow_the_regions_and_none_is_lost() -> None:
     stray = [word("six", 0, 900), word("—", 300, 900)]
     engine_order = [left[0], right[0], left[1], right[1], left[2], *stray]
     regions = [
-        Region((-10, -10, 200, 100), 30.0, ((left[0].box, left[1].box),)),
+        Region((-10, -10, 200, 100), 30.0, (left[0].box, left[1].box)),
         Region((490, -10, 700, 60), 30.0, ()),
     ]
     blocks = arrange_words(engine_order, regions)
@@ -43,15 +43,15 @@ def test_large_short_print_is_a_heading() -> None:
 
 
 def test_a_row_is_read_in_the_direction_of_its_script() -> None:
-    (line,) = rows_of([word("שלום", 300, 0), word("עולם", 100, 3)])
+    (line,) = rows_of_words([word("שלום", 300, 0), word("עולם", 100, 3)])
     assert line.text == "שלום עולם"
     assert line.right_to_left
-    (line,) = rows_of([word("world", 300, 0), word("hello", 100, 3)])
+    (line,) = rows_of_words([word("world", 300, 0), word("hello", 100, 3)])
     assert line.text == "hello world"
 
 
 def test_a_comma_of_its_own_stays_in_its_row() -> None:
-    (line,) = rows_of([word("now", 0, 0), word(",", 90, 22, 6, 12), word("then", 100, 0)])
+    (line,) = rows_of_words([word("now", 0, 0), word(",", 90, 22, 6, 12), word("then", 100, 0)])
     assert line.text == "now , then"
 
 
@@ -92,5 +92,38 @@ def test_a_row_that_was_made_up_is_left_out_but_for_its_sure_words() -> None:
     grain = [Word("ppppqpppppqp", (100, 300, 300, 320), 0.05), Word("p", (310, 300, 316, 320), 0.6)]
     number = Word("17", (700, 300, 730, 320), 0.9)
     alone = Word("foot", (100, 400, 150, 420), 0.45)
-    regions = [Region((90, 90, 200, 130), 20.0, ((body.box,),))]
+    regions = [Region((90, 90, 200, 130), 20.0, (body.box,))]
     assert texts(arrange_words([body, *grain, number, alone], regions)) == [["body"], ["17"], ["foot"]]
+
+
+def numbered(text: str, line: int, x: float, y: float) -> Word:
+    """A word of one of the engine's lines, 80 x 40 px."""
+    return Word(text, (x, y, x + 80, y + 40), 0.9, line)
+
+
+def test_a_line_that_zones_cut_stays_a_line() -> None:
+    """It rises by more than its height; each zone holds the words of three lines that are level with it."""
+    lines = [[numbered(f"{row}{k}", row, 100 * k, 60 * row - 8 * k) for k in range(8)] for row in range(6)]
+    regions = [
+        Region(
+            (0, top - 60, 800, top + 120), 30.0, tuple(w.box for w in words if top <= w.box[1] < top + 180)
+        )
+        for top in (-60, 120)
+        for words in [[word for line in lines for word in line]]
+    ]
+    blocks = arrange_words([word for line in lines for word in line], regions)
+    wanted = [" ".join(f"{row}{k}" for k in range(8)) for row in range(6)]
+    assert [line for block in texts(blocks) for line in block] == wanted
+
+
+def test_parts_of_a_row_are_one_line_and_lines_above_each_other_are_two() -> None:
+    """The engine took label and amount for two columns; a third line lies a little lower than the first."""
+    words = [numbered("Total", 0, 0, 0), numbered("4.25", 1, 600, 3), numbered("Cash", 2, 10, 22)]
+    region = Region((0, 0, 700, 70), 30.0, tuple(word.box for word in words))
+    assert texts(arrange_words(words, [region])) == [["Total 4.25", "Cash"]]
+
+
+def test_a_line_without_a_zone_comes_after_what_lies_above_it() -> None:
+    words = [numbered("head", 0, 0, 0), numbered("foot", 1, 0, 300), numbered("loose", 2, 0, 100)]
+    regions = [Region(word.box, 30.0, (word.box,)) for word in words[:2]]
+    assert texts(arrange_words(words, regions)) == [["head"], ["loose"], ["foot"]]

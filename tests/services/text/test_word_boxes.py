@@ -3,8 +3,8 @@
 import pytest
 
 from services.ocr.engine import Word
-from services.text.arrangement import rows_of
 from services.text.word_boxes import settle_boxes, with_common_rows
+from tests.services.text.pages import rows_of_words
 
 
 def word(text: str, x0: float, x1: float, confidence: float = 0.9) -> Word:
@@ -18,7 +18,7 @@ def test_a_box_that_spans_its_neighbours_keeps_its_widest_free_part() -> None:
     settled = settle_boxes([spanning, first, second, third])
     assert settled[1:] == [first, second, third]
     assert settled[0].box == pytest.approx((254, 0, 340 - 0.12 * 40, 40)), "a gap is left for the space"
-    (line,) = rows_of([first, spanning, second, third])
+    (line,) = rows_of_words([first, spanning, second, third])
     assert line.text == "في طريقه إلى البحر"
 
 
@@ -53,7 +53,7 @@ def test_words_of_one_line_get_common_rows_along_its_slope() -> None:
 
 
 def test_lines_from_right_to_left_have_common_rows() -> None:
-    (line,) = rows_of([word("שלום", 300, 380), Word("עולם", (100.0, 0.0, 180.0, 90.0), 0.9)])
+    (line,) = rows_of_words([word("שלום", 300, 380), Word("עולם", (100.0, 0.0, 180.0, 90.0), 0.9)])
     assert [each.box[1::2] for each in line.words] == [(0.0, 40.0)] * 2
-    (line,) = rows_of([word("hello", 100, 180), Word("(world)", (200.0, -5.0, 300.0, 50.0), 0.9)])
+    (line,) = rows_of_words([word("hello", 100, 180), Word("(world)", (200.0, -5.0, 300.0, 50.0), 0.9)])
     assert line.words[1].box == (200.0, -5.0, 300.0, 50.0)
