@@ -35,8 +35,9 @@ from services.layout.segmentation import (
     segment_finely,
     segment_page,
 )
-from services.ocr.engine import BoundedReader, OcrEngine, Word
+from services.ocr.engine import OcrEngine, Word
 from services.ocr.lost_lines import with_lost_lines
+from services.ocr.softer_reading import read_best
 
 __all__ = [
     "VersionedModel",
@@ -81,11 +82,8 @@ def segment_read_page(
     The last is whether words were left unread, because the time was over.
     """
     gray, ends_s = luminance(image), time.process_time() + limit_s
-    even, cut = readable(gray), False
-    if isinstance(engine, BoundedReader) and limit_s < float("inf"):
-        words, cut = engine.read_page_within(even, limit_s)
-    else:
-        words = engine.read_page(even)
+    even = readable(gray)
+    words, cut = read_best(even, engine, limit_s)
     words = with_lost_lines(even, words, engine, ends_s)
     return segment_page(gray, words), words, cut
 

@@ -103,7 +103,7 @@ def test_a_perfect_rectification_has_no_errors(
 ) -> None:
     photo = _small_photo(page)
     monkeypatch.setattr(simulated, "photograph_case", lambda case, page, facing: photo)
-    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
+    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif, corners=None: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page)
     figures = run_case(case, bench)
@@ -126,7 +126,7 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
 ) -> None:
     photo = _small_photo(page, BOOK)
     monkeypatch.setattr(simulated, "photograph_case", lambda case, page, facing: photo)
-    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif: _perfect(photo))
+    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif, corners=None: _perfect(photo))
     _fix_flows(monkeypatch)
     case = _case(page, "curved")
     figures = run_case(case, bench)
@@ -138,7 +138,7 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
     assert figures.normal_deg < 0.5
     # The best planar view of it is a poor answer, and of the wrong kind.
     flat = replace(_perfect(photo), kind="planar", surface=PlaneSurface((0.0, 0.0, 1.0)))
-    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif: flat)
+    monkeypatch.setattr(simulated, "rectify_photo", lambda image, ocr, exif, corners=None: flat)
     worse = run_case(case, bench)
     assert not worse.classified
     assert np.isnan(worse.ruling_2d_deg)
@@ -146,7 +146,7 @@ def test_a_perfect_flattening_of_a_bent_page_has_no_errors(
 
 
 def test_a_refusal_reads_as_nothing(bench: Bench, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(image: np.ndarray, ocr: object, exif: object) -> RectifyResult:
+    def refuse(image: np.ndarray, ocr: object, exif: object, corners: object) -> RectifyResult:
         raise NoText("blank")
 
     monkeypatch.setattr(simulated, "photograph_case", lambda case, page, facing: _small_photo(page))

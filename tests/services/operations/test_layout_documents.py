@@ -57,7 +57,7 @@ def eyes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages are seen by their widths: 60, 61 and 62 are those of the letter."""
     monkeypatch.setattr(layout, "ocr_engine", lambda language: None)
     monkeypatch.setattr(layout_documents, "ocr_engine", lambda language: None)
-    monkeypatch.setattr(layout, "read_fine_page", lambda image, *_: (LETTER[image.shape[1] - 60], None))
+    monkeypatch.setattr(layout, "fine_page", lambda image, *_: (LETTER[image.shape[1] - 60], None))
 
 
 def recognized(
@@ -114,7 +114,7 @@ def test_one_page_is_answered_as_one_page(models: list[ModelDocument]) -> None:
 def test_a_page_of_a_pdf_is_a_page(monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = []
     monkeypatch.setattr(
-        layout, "read_fine_page", lambda image, *_: sizes.append(image.shape) or (Page(60, 40, ()), None)
+        layout, "fine_page", lambda image, *_: sizes.append(image.shape) or (Page(60, 40, ()), None)
     )
     reply = recognized([encode_image(SHEETS[0], "pdf", 100, 200.0)], [])
     assert isinstance(reply, LayoutReply)
@@ -140,7 +140,7 @@ def test_files_of_several_pages_come_in_an_archive(
 
 
 def test_several_pages_are_no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(layout, "read_fine_page", lambda *_: pytest.fail("refused before anything is read"))
+    monkeypatch.setattr(layout, "fine_page", lambda *_: pytest.fail("refused before anything is read"))
     with pytest.raises(InvalidOption, match="3 pages; name one as `page`"):
         recognized(PNGS, [], LayoutOptions(format="png"))
     for form in ("png", "pagexml"):
@@ -180,7 +180,7 @@ def test_pages_unlike_their_class_are_told(
 ) -> None:
     (paper,) = (page_from(page) for page in document_pages(np.random.default_rng(1), "plain", 1, draw=False))
     pages = [LETTER[0], LETTER[2], paper]
-    monkeypatch.setattr(layout, "read_fine_page", lambda image, *_: (pages[image.shape[1] - 60], None))
+    monkeypatch.setattr(layout, "fine_page", lambda image, *_: (pages[image.shape[1] - 60], None))
     reply = recognized(PNGS, models)
     assert isinstance(reply, DocumentReply)
     warnings: Any = reply.document["warnings"]

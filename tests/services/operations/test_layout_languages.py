@@ -100,7 +100,7 @@ def test_a_sample_is_read_in_the_language_of_the_service() -> None:
 
 @pytest.mark.usefixtures("linguist")
 def test_a_language_that_is_not_installed_is_refused_before_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(layout, "read_fine_page", None)
+    monkeypatch.setattr(layout, "fine_page", None)
     monkeypatch.setattr(layout, "rectify", None)
     for options in (
         LayoutOptions(language="deu+xyz"),

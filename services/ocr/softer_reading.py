@@ -1,0 +1,71 @@
+"""Other readings of a page that reads poorly: print of thermal and matrix printers, enlarged and softened.
+
+Their letters are small and made of dots, which an engine takes apart, or so faint that its one threshold for the page
+loses them beside a dark desk. Whether a page is of this kind shows in its reading only: on photos of other print a
+softer picture reads worse (92.4 -> 92.1 % of characters).
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from services.arrays import GrayImage
+from services.imaging.looks import black_and_white
+from services.ocr.engine import BoundedReader, OcrEngine, Word, mean_confidence
+from services.ocr.word_trust import probability_right
+
+READS_POORLY = 0.8
+"""Mean confidence of words below which a page is read twice: prose that is in focus has 0.9 and more."""
+READS_HARDLY = 0.5
+"""The same, below which it is read in black and white too. From 0.8 on values were lost (company 49 -> 43 %)."""
+ENLARGEMENT = 1.5
+SOFTNESS_PX = 0.8
+"""Deviation of the Gaussian on the enlarged picture. Of 26 receipts the engine reads 59.3 % of characters as they are,
+64.6 % softened, 68.1 % softened from black and white; no one of them is best on all."""
+
+
+def read_best(page: GrayImage, engine: OcrEngine, limit_s: float) -> tuple[list[Word], bool]:
+    """Words of a page (H, W) in even light that were read in `limit_s`, and whether others were left unread.
+
+    A page that reads poorly is read softer too, from gray and then from black and white, until it reads; the
+    reading with the most letters to be right counts.
+    """
+    begun_s = time.process_time()
+    best, cut = _read(page, engine, limit_s)
+    # Each may take as long as the first one for each of its pixels: none shall be cut.
+    longest_s = ENLARGEMENT**2 * (time.process_time() - begun_s)
+    for prepare, least in ((np.asarray, READS_POORLY), (_as_ink, READS_HARDLY)):
+        left_s = limit_s - (time.process_time() - begun_s)
+        if cut or not best or mean_confidence(best) >= least or longest_s > left_s:
+            break
+        words, _ = _read(_softened(prepare(page)), engine, left_s)
+        best = max(best, [replace(word, box=_reduced(word)) for word in words], key=_right_letters)
+    return best, cut
+
+
+def _read(page: GrayImage, engine: OcrEngine, limit_s: float) -> tuple[list[Word], bool]:
+    if isinstance(engine, BoundedReader) and limit_s < float("inf"):
+        return engine.read_page_within(page, limit_s)
+    return engine.read_page(page), False
+
+
+def _as_ink(page: GrayImage) -> GrayImage:
+    return np.where(black_and_white(page), 255, 0).astype(np.uint8)
+
+
+def _softened(page: GrayImage) -> GrayImage:
+    large = cv2.resize(page, None, fx=ENLARGEMENT, fy=ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
+    return np.asarray(cv2.GaussianBlur(large, (0, 0), SOFTNESS_PX), np.uint8)
+
+
+def _reduced(word: Word) -> tuple[float, float, float, float]:
+    x0, y0, x1, y1 = word.box
+    return x0 / ENLARGEMENT, y0 / ENLARGEMENT, x1 / ENLARGEMENT, y1 / ENLARGEMENT
+
+
+def _right_letters(words: Sequence[Word]) -> float:
+    """Letters that can be expected to be right."""
+    return sum(len(word.text) * probability_right(word.confidence) for word in words)

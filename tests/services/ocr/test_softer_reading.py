@@ -1,0 +1,77 @@
+"""A page that reads poorly is read softer too, and the better reading counts: a scripted engine proves the logic."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from services.arrays import GrayImage
+from services.ocr.engine import Word
+from services.ocr.softer_reading import ENLARGEMENT, read_best
+
+PAGE = np.full((80, 120), 255, np.uint8)
+PAGE[30:50, 20:100:4] = 120
+BOX = (15.0, 30.0, 90.0, 60.0)
+
+
+@dataclass
+class Reader:
+    """Reads a word a page, with these confidences in turn; each page takes no time, or all of it."""
+
+    confidences: list[float]
+    name: str = "scripted"
+    pages: list[GrayImage] = field(default_factory=list)
+    cut: bool = False
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        return self.read_page_within(image, 1.0)[0]
+
+    def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
+        assert seconds > 0
+        self.pages.append(image)
+        confidence = self.confidences[len(self.pages) - 1]
+        return ([Word(f"reading{len(self.pages)}", BOX, confidence)] if confidence else []), self.cut
+
+    def read_line(self, image: GrayImage) -> tuple[str, float]:
+        raise AssertionError("no line is read")
+
+
+@pytest.mark.parametrize(
+    ("confidences", "pages", "chosen"),
+    [
+        ([0.9], 1, "reading1"),
+        ([0.6, 0.95], 2, "reading2"),
+        ([0.75, 0.6], 2, "reading1"),
+        ([0.3, 0.4, 0.9], 3, "reading3"),
+        ([0.3, 0.4, 0.2], 3, "reading2"),
+    ],
+)
+def test_the_reading_with_more_letters_to_be_right_counts(
+    confidences: list[float], pages: int, chosen: str
+) -> None:
+    engine = Reader(confidences)
+    words, cut = read_best(PAGE, engine, 100.0)
+    assert (len(engine.pages), [word.text for word in words], cut) == (pages, [chosen], False)
+    # Words lie where the page as it is has them.
+    scale = 1.0 if chosen == "reading1" else ENLARGEMENT
+    assert words[0].box == pytest.approx(tuple(edge / scale for edge in BOX))
+
+
+def test_other_readings_are_larger_and_softer() -> None:
+    engine = Reader([0.3, 0.3, 0.3])
+    read_best(PAGE, engine, 100.0)
+    first, gray, ink = engine.pages
+    assert first is PAGE
+    assert gray.shape == ink.shape == (120, 180)
+    # Softened edges of stripes, and darker ones from black and white.
+    assert 120 < gray.min() < 255
+    assert len(np.unique(gray)) > 20
+    assert ink.min() < gray.min()
+
+
+def test_what_is_blank_or_was_cut_is_read_once() -> None:
+    blank = Reader([0.0])
+    assert read_best(PAGE, blank, 100.0) == ([], False)
+    late = Reader([0.3], cut=True)
+    words, cut = read_best(PAGE, late, 100.0)
+    assert (len(words), cut, len(late.pages), len(blank.pages)) == (1, True, 1, 1)
