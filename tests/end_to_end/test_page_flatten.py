@@ -13,10 +13,10 @@ from tests.end_to_end.browser import NEEDS_CHROMIUM
 from tests.end_to_end.page_visit import PHONE, Visit, chromium, visiting
 
 pytestmark = NEEDS_CHROMIUM
-NOTE_REGION = """() => {
+NOTE_FORM = """() => {
   const send = window.fetch;
   window.fetch = (address, options) => {
-    if (options.body instanceof FormData) window.sentRegion = options.body.get("region");
+    if (options.body instanceof FormData) window.sent = Object.fromEntries(options.body);
     return send(address, options);
   };
 }"""
@@ -94,10 +94,49 @@ def test_a_region_is_drawn_with_the_keyboard_alone(visit: Visit) -> None:
     page.keyboard.press("Escape")
     expect(page.get_by_role("button", name="Clear region")).to_be_visible()
     page.get_by_role("button", name="Flatten").focus()
-    page.evaluate(NOTE_REGION)
+    page.evaluate(NOTE_FORM)
     page.keyboard.press("Enter")
     expect(page.get_by_alt_text("Flat page")).to_be_visible()
-    assert len(json.loads(page.evaluate("window.sentRegion"))) == 4
+    assert len(json.loads(page.evaluate("window.sent.region"))) == 4
+    visit.check()
+
+
+def test_corners_and_turns_are_the_persons(visit: Visit) -> None:
+    page = visit.page
+    choose(visit, "photo.jpg")
+    page.evaluate(NOTE_FORM)
+    page.get_by_role("button", name="Flatten").click()
+    expect(page.get_by_alt_text("Flat page")).to_be_visible()
+    expect(page.get_by_role("button", name="Corner 1")).to_be_hidden()
+    page.get_by_role("button", name="Corners", exact=True).click()
+    first = page.get_by_role("button", name="Corner 1")
+    expect(first).to_be_focused()
+    before = first.bounding_box()
+    for key in ("ArrowRight", "Shift+ArrowDown"):
+        page.keyboard.press(key)
+    box = page.get_by_role("button", name="Corner 3").bounding_box()
+    assert before is not None
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] - 6, box["y"] - 4)
+    page.mouse.up()
+    after = first.bounding_box()
+    assert after is not None
+    assert after["x"] > before["x"]
+    assert after["y"] > before["y"] + (after["x"] - before["x"])
+    assert violations(page) == []
+    page.get_by_role("button", name="Flatten").click()
+    page.wait_for_function("window.sent.corners")
+    corners = json.loads(page.evaluate("window.sent.corners"))
+    assert len(corners) == 4
+    # The view ends at the given corners: the service says so of its mesh.
+    expect(page.get_by_role("status")).to_contain_text("is flat")
+    page.get_by_role("button", name="Rotate").click()
+    page.wait_for_function("window.sent.rotate === '90'")
+    expect(page.locator(".facts")).to_contain_text("90°")
+    page.get_by_role("button", name="Automatic corners").click()
+    expect(first).to_be_hidden()
     visit.check()
 
 

@@ -1,7 +1,8 @@
 // One photo and the flat page that was made from it, side by side or under a slider.
 
-import { checkbox, labelled, make, notify, problemNote, select } from "../elements.js";
+import { button, checkbox, labelled, make, notify, problemNote, select } from "../elements.js";
 import { work } from "../service.js";
+import { Corners } from "./corners.js";
 import { downloadLink, saveLink } from "./downloads.js";
 import { drawResult, emptyDrawing } from "./overlay.js";
 import { imageOf, showImage, sizeOf, stemOf } from "./pictures.js";
@@ -12,7 +13,7 @@ const PARTS = [["outline", "Outline", true], ["mesh", "Mesh", false], ["rulings"
 export class PhotoCard {
   /** `options` are the controls of the form; `onProgress` shows how far the work is. */
   constructor(file, options, onProgress) {
-    Object.assign(this, { file, options, onProgress, region: null });
+    Object.assign(this, { file, options, onProgress, region: null, corners: null, rotate: null, turned: 0 });
     this.photo = make("img", { alt: "Photo" });
     this.stage = make("div", { class: "stage" }, this.photo);
     this.before = make("figure", { class: "before" }, this.stage, make("figcaption", {}, "Before"));
@@ -32,14 +33,25 @@ export class PhotoCard {
     this.svg = emptyDrawing(size.width, size.height);
     this.stage.append(this.svg);
     this.region = new Region(this.stage, this.svg, size.width, size.height);
-    this.tools.append(this.region.tools);
+    this.corners = new Corners(this.stage, this.svg, size.width, size.height);
+    this.tools.append(this.corners.tools, button("Rotate", () => this.turn()), this.region.tools);
+  }
+
+  /** Turns the flat page by a quarter, clockwise, against what it is now. */
+  async turn() {
+    this.rotate = (this.turned + 90) % 360;
+    this.turned = this.rotate;
+    notify(`${this.file.name} is turned by ${this.rotate} degrees.`);
+    if (this.element.querySelector(".after")) await this.flatten();
   }
 
   form() {
     const form = new FormData();
     form.append("image", this.file, this.file.name);
     this.options?.apply(form);
-    if (this.region?.value) form.set("region", this.region.value);
+    if (this.corners?.value) form.set("corners", this.corners.value);
+    else if (this.region?.value) form.set("region", this.region.value);
+    if (this.rotate !== null) form.set("rotate", String(this.rotate));
     return form;
   }
 
@@ -58,6 +70,7 @@ export class PhotoCard {
   }
 
   async display(result) {
+    this.turned = result.orientation.rotation_deg;
     const blob = imageOf(result.image ?? "") ?? (await this.asPng());
     const flat = make("img", { alt: "Flat page" });
     this.compare.querySelector(".after")?.remove();
@@ -66,6 +79,7 @@ export class PhotoCard {
     if (this.svg) {
       drawResult(this.svg, result);
       this.region.show();
+      this.corners.found(result.corners);
       this.drawWarnings(result.warnings);
     }
     this.slide();
