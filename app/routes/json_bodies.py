@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 from typing import Any, TypeVar
 
 from fastapi import Request
@@ -13,6 +14,10 @@ from services.errors import InvalidOption, TooLarge
 Body = TypeVar("Body", bound=BaseModel)
 MOST_BYTES = 65_536
 """Default size limit, for a body of a few numbers and names."""
+_KIND = re.compile(
+    r"(constrained-|function-)\w+.*|(literal|list|tuple|dict|nullable)\[.*\]|int|float|str|bool"
+)
+"""What pydantic adds to the place of a value that may be of several types."""
 _LONGEST_FIELD = 80
 _AT_ONCE_BYTES = 8192
 """Longer bodies are read in a thread."""
@@ -97,7 +102,10 @@ def _told(error: ValidationError, model: type[BaseModel]) -> InvalidOption:
     """Error of the first problem in the body; a name that does not exist comes before one that is missing."""
     problems = error.errors(include_url=False, include_context=False)
     first = next((each for each in problems if each["type"] == "extra_forbidden"), problems[0])
-    field = ".".join(map(str, first["loc"]))[:_LONGEST_FIELD] or "body"
+    place = list(first["loc"])
+    while len(place) > 1 and _KIND.fullmatch(str(place[-1])):  # which of several types was tried is no place
+        place.pop()
+    field = ".".join(map(str, place))[:_LONGEST_FIELD] or "body"
     if first["type"] == "extra_forbidden":
         names = _names_of(model, is_nested=len(first["loc"]) > 1)
         return InvalidOption(f"{field}: {no_such_option(str(first['loc'][-1]), names)}", field)

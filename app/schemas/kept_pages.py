@@ -17,7 +17,12 @@ FileFormat = Literal["pdf", "tiff", "zip"]
 
 def _turn(value: object) -> object:
     """`auto` or degrees; as a form sends them, too."""
-    return int(value) if isinstance(value, str) and value.isdigit() else value
+    entry = str(value).strip().lower()
+    if value is None or entry == "auto":
+        return None if value is None else entry
+    if isinstance(value, bool) or entry not in ("0", "90", "180", "270"):
+        raise ValueError("expected auto, 0, 90, 180 or 270")
+    return int(entry)
 
 
 class Picture(BaseModel):

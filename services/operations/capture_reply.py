@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from services.arrays import RgbImage
 from services.capture.advice import advise
 from services.capture.quality import measure_quality
@@ -25,7 +27,11 @@ def describe_quality(
     if result.print is None:
         return None
     gray = luminance(photo)
-    quality = measure_quality(gray, result.print.characters, result.print.heights_px, result.mesh)
+    turn, mesh = result.orientation, result.mesh
+    if turn.confidence is None and turn.rotation_deg % 180:
+        # A person has turned the page by a quarter: its lines run along the columns now.
+        mesh = np.rot90(mesh)
+    quality = measure_quality(gray, result.print.characters, result.print.heights_px, mesh)
     if quality is None:
         return None
     quality = quality.enlarged(reduction)

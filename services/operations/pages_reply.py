@@ -192,6 +192,6 @@ def several_pages_refused(count: int) -> NotAcceptable:
     """The error for an answer of `count` pages when the client accepts only formats of one page."""
     return NotAcceptable(
         f"{count} pages were found, and the format that was asked for holds one; ask for pdf, tiff, zip or json "
-        "(field `format`, or `Accept`), or send pages=main.",
+        "(field `format`, or `Accept`), or send one photo, with pages=main.",
         "format",
     )

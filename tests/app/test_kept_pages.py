@@ -118,7 +118,7 @@ def test_other_corners_are_analysed_and_kept(client: httpx.Client, folder: Path)
 def test_what_is_said_is_checked(client: httpx.Client, body: dict[str, Any], field: str) -> None:
     answer = render(client, keep(client), **body)
     assert_problem(answer, 422, "invalid-option")
-    assert str(answer.json()["field"]).startswith(field)
+    assert answer.json()["field"] == field
 
 
 def test_pages_are_bound_in_their_order_each_as_it_was_last_answered(client: httpx.Client) -> None:

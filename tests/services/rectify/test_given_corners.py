@@ -9,6 +9,7 @@ import pytest
 from services.arrays import Points
 from services.contract.rectify import Corners, RectifyParameters
 from services.errors import InvalidOption
+from services.operations.capture_reply import describe_quality
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
 from simulation.degradation import PHONE
@@ -125,3 +126,13 @@ def test_corners_of_no_sheet_are_refused(corners: list[list[float]], reason: str
     with pytest.raises(InvalidOption, match=reason) as refused:
         rectify(np.zeros((600, 800, 3), np.uint8), given(np.array(corners, np.float64)))
     assert refused.value.field == "corners"
+
+
+def test_the_photos_quality_does_not_depend_on_the_turn(flat: SimulatedPhoto) -> None:
+    found = []
+    for rotate in (0, 90, 180):
+        result = rectify(flat.image, RectifyParameters(upright=False, rotate=(rotate,)))
+        quality = describe_quality(flat.image, result)
+        assert quality is not None
+        found.append((quality["line_tilt_deg"], quality["predicted_character_error"]))
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0.1, atol=0.05)
