@@ -92,14 +92,15 @@ async def kept_page(state: AppState, page: StoredPage) -> KeptPage:
     "/{id}", operation_id="kept_page", responses=documented("not-found", *STORE), response_model=RectifyResult
 )
 async def show_page(request: Request, state: State, id: str) -> Response:
-    """The description of a kept page, as it was answered last; its mesh and sizes are those of the first answer."""
+    """The description of a kept page, as it was answered last."""
     page = await own_page(request, state, id)
     return await answer_json(partial(RectifyResult.model_validate, described(page)))
 
 
 def described(page: StoredPage) -> dict[str, Any]:
     """The `RectifyResult` of a kept page."""
-    return {**page.document["answer"], "page_id": page.id, "timings_ms": {}, "text": None}
+    answer = page.document.get("shown", page.document["answer"])
+    return {**answer, "page_id": page.id, "timings_ms": {}, "text": None}
 
 
 @router.get(
@@ -158,7 +159,8 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     work = state.engine.submit(state.operations.render_kept_page, kept, asked.wish, encoding)
     reply, changed = await while_connected(request.receive, work)
     bundle_bytes = len(changed.bundle) or page.document["bytes"]
-    document = {**changed.document, "bytes": bundle_bytes, "name": page.document["name"]}
+    shown = {**reply.document, "image": None, "image_media_type": None}
+    document = {**changed.document, "bytes": bundle_bytes, "name": page.document["name"], "shown": shown}
     if changed.bundle:
         await state.photos.forget([id])
         await state.photos.keep({id: changed.bundle})

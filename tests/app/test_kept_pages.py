@@ -78,6 +78,10 @@ def test_it_is_answered_again_and_what_was_said_counts_from_then_on(client: http
     assert turned["orientation"]["photo_rotation_deg"] == 90
     assert turned["mesh"]["source"][0][0] == [0, 59]
     assert turned["page_id"] == path.removeprefix("/pages/")
+    described = client.get(path, headers=ALICE).json()
+    assert {**described, "timings_ms": 0} == {**turned, "timings_ms": 0}, (
+        "the page is described as it was answered last"
+    )
     picture = picture_of(render(client, path))
     assert picture.size == (60, 80), "the turn stays"
     (red, _, no_blue), (no_red, _, blue) = (np.asarray(picture)[40, x].tolist() for x in (50, 10))
