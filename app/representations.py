@@ -1,9 +1,9 @@
 """Format of a response, from `Accept` and the form field `format`."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar, get_args
+from typing import Any, TypeVar, cast, get_args
 from urllib.parse import quote
 
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
@@ -309,8 +309,15 @@ def _headers_of_pages(
     return headers | _notices(warnings) | _stages(document.get("timings_ms"))
 
 
-def layout_headers(document: Mapping[str, object], drawn: DrawnPage | None = None) -> dict[str, str]:
-    """Main values of a result of /layout as headers of any response; `drawn` is the place of the page in a picture."""
+def layout_headers(
+    document: Mapping[str, object],
+    drawn: DrawnPage | None = None,
+    pages: Iterable[Mapping[str, object]] = (),
+) -> dict[str, str]:
+    """Main values of a result of /layout as headers of any response; `drawn` is the place of the page in a picture.
+
+    The warnings are those of the document and of all its `pages`.
+    """
     headers = {"Vary": "Accept"}
     if drawn is not None:
         headers["Document-Scale"] = f"{drawn.scale_x:.6g}, {drawn.scale_y:.6g}"
@@ -318,7 +325,8 @@ def layout_headers(document: Mapping[str, object], drawn: DrawnPage | None = Non
     chosen = document.get("class")
     if isinstance(chosen, Mapping):  # a continuation page has its own model; the class is the document's
         headers["Document-Class"] = str(document.get("document_class") or chosen["name"])
-    return headers | _notices(document.get("warnings")) | _stages(document.get("timings_ms"))
+    said = [warning for each in (document, *pages) for warning in cast(list[Any], each.get("warnings") or [])]
+    return headers | _notices(said) | _stages(document.get("timings_ms"))
 
 
 def _notices(warnings: object) -> dict[str, str]:

@@ -190,7 +190,8 @@ async def _answer_document(
     )
     pictures = {page_id: page.picture for page, page_id in zip(reply.pages, page_ids, strict=True)}
     await keep_pictures(state, result_id, pictures)
-    headers = layout_headers(reply.document) | {"Document-Result": f"/layout/results/{result_id}"}
+    headers = layout_headers(reply.document, pages=[page.document for page in reply.pages])
+    headers["Document-Result"] = f"/layout/results/{result_id}"
     if chosen != "json":
         headers |= content_disposition(name, SUFFIXES[chosen], reply.media_type)
         return Response(reply.body, media_type=reply.media_type, headers=headers)

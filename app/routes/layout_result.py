@@ -97,7 +97,8 @@ async def _answer_file(
         seat.release()
     shown = await asyncio.to_thread(_shown, kept)
     described = shown.model_dump(include={"class_", "document_class", "warnings", "timings_ms"})
-    headers = layout_headers(described, file.drawn)
+    inner = [each.document["result"] for each in results] if "pages" in kept.document else []
+    headers = layout_headers(described, file.drawn, inner)
     headers |= content_disposition(kept.id, SUFFIXES.get(chosen, ""), file.media_type)
     return Response(file.body, media_type=file.media_type, headers=headers)
 

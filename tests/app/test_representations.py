@@ -10,6 +10,7 @@ from app.representations import (
     choose_format,
     choose_pages_formats,
     image_headers,
+    layout_headers,
     parse_accept,
     sniff_format,
 )
@@ -132,3 +133,14 @@ def test_headers_of_a_mosaic() -> None:
         "Document-Warnings": "unplaced, curved-page",
     }
     assert image_headers({"unplaced": []}) == {"Document-Unplaced": ""}
+
+
+def test_warnings_of_a_document_are_those_of_all_its_pages() -> None:
+    said = [
+        {"warnings": [{"code": "page-turned"}]},
+        {"warnings": []},
+        {"warnings": [{"code": "page-turned"}]},
+    ]
+    document = {"class": None, "warnings": [{"code": "unlike-page"}]}
+    assert layout_headers(document, pages=said)["Document-Warnings"] == "unlike-page, page-turned"
+    assert layout_headers({"class": None, "warnings": []})["Document-Warnings"] == ""
