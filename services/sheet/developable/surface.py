@@ -197,7 +197,7 @@ class DevelopableSurface:
         rate = cross(A, R) + cross(P, self.slope_rate(nodes[front]) * A)
         # Single precision is enough to find the interval: where the sign is unsure the root is at the node.
         side = d.T.astype(np.float32) @ moment.astype(np.float32)
-        way = np.sign(d.mean(axis=1) @ rate).mean()
+        way = np.sign(d.sum(axis=1) @ rate).mean()
         before = side < 0 if way > 0 else side > 0
         left = np.clip(np.count_nonzero(before, axis=1) - (way != 0), 0, len(nodes[front]) - 2)
         # Values and slopes of the moments at both nodes of the interval.
