@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, encode_document
 from models.errors import KeptPageNotFound
-from models.queries import IDS_AT_ONCE
+from models.queries import present_ids
 from models.records import StoredPage
 from models.tables import KeptPageRow
 from models.transactions import Transactions
@@ -59,15 +59,8 @@ class KeptPageRepository(Transactions):
 
     def kept_pages(self, page_ids: Collection[str]) -> set[str]:
         """Those of the ids under which a page is kept that has not expired."""
-        ids = sorted(filter(is_ulid, page_ids))
-        kept: set[str] = set()
         with self._reading() as session:
-            for at in range(0, len(ids), IDS_AT_ONCE):
-                wanted = select(KeptPageRow.id).where(
-                    KeptPageRow.id.in_(ids[at : at + IDS_AT_ONCE]), KeptPageRow.expires_at > self._clock()
-                )
-                kept.update(session.execute(wanted).scalars())
-        return kept
+            return present_ids(session, KeptPageRow.id, page_ids, KeptPageRow.expires_at > self._clock())
 
     def purge_kept_pages(self, now: datetime | None = None, keep_newest: int | None = None) -> int:
         """Delete pages that have expired at `now` (aware), and all but the `keep_newest` newest; their number."""

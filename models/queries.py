@@ -1,11 +1,12 @@
 """Steps that several repositories use: they find rows, check values before storing, and convert rows to records."""
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import cast, get_args
 
 from sqlalchemy import ColumnElement, delete, func, select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from models.documents import decode_document, encode_document
 from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull, VersionConflict
@@ -241,3 +242,14 @@ def stored_sample(row: SampleRow, *, created: bool) -> StoredSample:
         row.result_id,
         row.after_version,
     )
+
+
+def present_ids(
+    session: Session, column: InstrumentedAttribute[str], ids: Iterable[str], *among: ColumnElement[bool]
+) -> set[str]:
+    """Those of the ids that `column` has in the rows that fulfil `among`."""
+    valid, found = sorted(filter(is_ulid, ids)), set[str]()
+    for at in range(0, len(valid), IDS_AT_ONCE):
+        wanted = select(column).where(column.in_(valid[at : at + IDS_AT_ONCE]), *among)
+        found.update(session.execute(wanted).scalars())
+    return found

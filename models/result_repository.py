@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, decode_measured, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
-from models.queries import IDS_AT_ONCE, READ_AT_ONCE, add_unknown_page, review_of
+from models.queries import READ_AT_ONCE, add_unknown_page, present_ids, review_of
 from models.records import (
     ListedResult,
     ResultDraft,
@@ -166,15 +166,8 @@ class ResultRepository(Transactions):
 
     def kept_results(self, result_ids: Collection[str]) -> set[str]:
         """Those of the ids under which a result is kept that has not expired."""
-        ids = sorted(filter(is_ulid, result_ids))
-        kept: set[str] = set()
         with self._reading() as session:
-            for at in range(0, len(ids), IDS_AT_ONCE):
-                wanted = select(ResultRow.id).where(
-                    ResultRow.id.in_(ids[at : at + IDS_AT_ONCE]), ResultRow.expires_at > self._clock()
-                )
-                kept.update(session.execute(wanted).scalars())
-        return kept
+            return present_ids(session, ResultRow.id, result_ids, ResultRow.expires_at > self._clock())
 
     def purge_results(self, now: datetime | None = None, keep_newest: int | None = None) -> int:
         """Delete results that have expired at `now` (aware), and all but the `keep_newest` newest; return their number.

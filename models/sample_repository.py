@@ -8,7 +8,6 @@ from sqlalchemy.orm import Session
 from models.documents import Document, digest_document, encode_document
 from models.errors import KeyReused, StoreFull
 from models.queries import (
-    IDS_AT_ONCE,
     READ_AT_ONCE,
     count_samples,
     create_model,
@@ -16,13 +15,13 @@ from models.queries import (
     find_sample,
     find_version,
     look_up_model,
+    present_ids,
     require_storable,
     stored_sample,
 )
 from models.records import StoredSample
 from models.tables import FeedbackRow, ModelRow, SampleRow
 from models.transactions import Transactions
-from models.ulid import is_ulid
 
 
 class SampleRepository(Transactions):
@@ -131,13 +130,8 @@ class SampleRepository(Transactions):
 
     def kept_samples(self, sample_ids: Collection[str]) -> set[str]:
         """Those of the ids under which a sample is stored."""
-        ids = sorted(filter(is_ulid, sample_ids))
-        kept: set[str] = set()
         with self._reading() as session:
-            for at in range(0, len(ids), IDS_AT_ONCE):
-                wanted = select(SampleRow.id).where(SampleRow.id.in_(ids[at : at + IDS_AT_ONCE]))
-                kept.update(session.execute(wanted).scalars())
-        return kept
+            return present_ids(session, SampleRow.id, sample_ids)
 
     def delete_sample(self, name: str, sample_id: str) -> None:
         """Delete a sample; the class remains. Raises `ModelNotFound`, `SampleNotFound`."""

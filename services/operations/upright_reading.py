@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 from services.arrays import RgbImage
 from services.imaging.channels import luminance
-from services.imaging.illumination import flatten_illumination
-from services.layout.pipeline import read_words
+from services.layout.pipeline import read_words, readable
 from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word, mean_confidence
 from services.rectify.results import Orientation
@@ -38,18 +37,18 @@ def read_as_it_lies(image: RgbImage, engine: OcrEngine | None) -> UprightReading
 
 def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
     """The reading of an image, turned if it reads better so."""
-    gray = luminance(image)
-    words = read_words(gray, engine)
-    if engine is None or words is None:
-        return UprightReading(image, words)
+    if engine is None:
+        return UprightReading(image, None)
+    even = readable(luminance(image))
+    words = engine.read_page(even)
     confidence = mean_confidence(words)
     if confidence >= READS_WELL and not _lies_sideways(words):
         return UprightReading(image, words, Orientation(0, False, confidence))
-    found = estimate_orientation(flatten_illumination(gray), engine)
+    found = estimate_orientation(even, engine)
     if found.rotation_deg == 0 and not found.mirrored:
         return UprightReading(image, words, found)
-    turned = apply_orientation(image, found)
-    return UprightReading(turned, read_words(luminance(turned), engine), found, (_turned(found),))
+    words = engine.read_page(apply_orientation(even, found))
+    return UprightReading(apply_orientation(image, found), words, found, (_turned(found),))
 
 
 def _lies_sideways(words: list[Word]) -> bool:

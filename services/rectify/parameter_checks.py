@@ -7,6 +7,7 @@ import numpy as np
 from services.arrays import Points
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption
+from services.geometry.hulls import corner_turns
 
 SHORTEST_SIDE = 0.02
 """Of the photo's diagonal: the side of a given sheet; a shorter one shows no print."""
@@ -69,10 +70,7 @@ def check_parameters(width: int, height: int, parameters: RectifyParameters) -> 
 def _check_corners(corners: Points, width: int, height: int) -> None:
     """Check that `corners` (4, 2) are on the photo, in their order, and neither cross nor coincide."""
     reason = ""
-    ahead = np.roll(corners, -1, axis=0) - corners
-    behind = np.roll(ahead, 1, axis=0)
-    turns = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
-    lengths = np.linalg.norm(ahead, axis=1)
+    turns, lengths = corner_turns(corners), np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     sines = turns / np.maximum(np.roll(lengths, 1) * lengths, 1e-9)
     outside = (corners < -0.5).any() or (corners > [width - 0.5, height - 0.5]).any()
     if outside:

@@ -18,7 +18,7 @@ from app.middleware import WORK
 from app.openapi import operations_of
 from app.problems import STATUS_OF_CODE
 from app.schemas.layout_settings import TypedField
-from app.schemas.rectify import REGION_PATTERN, parse_region
+from app.schemas.photo_points import REGION_PATTERN, parse_region
 from app.settings import Settings
 from services.contract.mosaic import MOST_PHOTOS
 from tests.app.scripted import OPERATIONS, PAGE, model_document

@@ -1,6 +1,7 @@
 // The sheet's four corners, set on the photo by pointer or arrow keys. Where they are set, they are the view's corners.
 
 import { button, draw, make, notify } from "../elements.js";
+import { inPicture, pointOf } from "./overlay.js";
 
 const INSET = 0.08; // of the photo's size: where corners begin that nobody has seen
 const STEP = 0.004; // of the photo's size: an arrow key; with Shift five times as far
@@ -25,13 +26,8 @@ export class Corners {
       "aria-label": `Corner ${index + 1}`,
       onkeydown: (event) => this.press(event, index),
       onpointerdown: (event) => event.target.setPointerCapture(event.pointerId),
-      onpointermove: (event) => event.target.hasPointerCapture(event.pointerId) && this.move(index, this.at(event)),
+      onpointermove: (event) => event.target.hasPointerCapture(event.pointerId) && this.move(index, pointOf(event, this.svg, this.width, this.height)),
     });
-  }
-
-  at(event) {
-    const box = this.svg.getBoundingClientRect();
-    return [((event.clientX - box.left) / box.width) * this.width - 0.5, ((event.clientY - box.top) / box.height) * this.height - 0.5];
   }
 
   /** Corners that the service has seen: where handles begin. */
@@ -48,9 +44,8 @@ export class Corners {
     notify("Drag the corners, or use the arrow keys. Corner 1 is the page's top left; then clockwise. Flatten again to use them.");
   }
 
-  move(index, [x, y]) {
-    const clamp = (value, size) => Math.min(size - 1, Math.max(0, value));
-    this.set(this.points.map((point, one) => (one === index ? [clamp(x, this.width), clamp(y, this.height)] : point)));
+  move(index, to) {
+    this.set(this.points.map((point, one) => (one === index ? inPicture(to, this.width, this.height) : point)));
   }
 
   press(event, index) {

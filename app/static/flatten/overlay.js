@@ -12,6 +12,15 @@ export function emptyDrawing(width, height) {
   return draw("svg", options);
 }
 
+/** The point of a picture of this size that a pointer event is at; `element` shows all of the picture. */
+export function pointOf(event, element, width, height) {
+  const box = element.getBoundingClientRect();
+  return [((event.clientX - box.left) / box.width) * width - 0.5, ((event.clientY - box.top) / box.height) * height - 0.5];
+}
+
+/** The nearest point in a picture of this size. */
+export const inPicture = ([x, y], width, height) => [Math.min(width - 1, Math.max(0, x)), Math.min(height - 1, Math.max(0, y))];
+
 /** Border of a mesh, clockwise from its first node. */
 export function borderOf(nodes) {
   const last = nodes.length - 1;

@@ -1,6 +1,7 @@
 // A polygon round the text, drawn on the photo by pointer or keyboard. It guides the search for text.
 
 import { button, draw, make, notify } from "../elements.js";
+import { inPicture, pointOf } from "./overlay.js";
 
 const FEWEST = 3;
 const MOST = 200;
@@ -17,7 +18,7 @@ export class Region {
       "aria-label": "Region: arrow keys move the mark, Enter sets a corner, Backspace removes one",
       tabindex: "0",
       hidden: true,
-      onclick: (event) => this.add(this.at(event)),
+      onclick: (event) => this.add(pointOf(event, this.surface, this.width, this.height)),
       onkeydown: (event) => this.press(event),
     });
     this.start = button("Draw region", () => this.toggle());
@@ -25,13 +26,6 @@ export class Region {
     this.clear.hidden = true;
     this.tools = make("span", { class: "row" }, this.start, this.clear);
     stage.append(this.surface);
-  }
-
-  at(event) {
-    const box = this.surface.getBoundingClientRect();
-    const x = ((event.clientX - box.left) / box.width) * this.width - 0.5;
-    const y = ((event.clientY - box.top) / box.height) * this.height - 0.5;
-    return [x, y];
   }
 
   toggle() {
@@ -59,8 +53,7 @@ export class Region {
     const [x, y] = this.cursor;
     const moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] };
     if (event.key in moves) {
-      const clamp = (value, size) => Math.min(size - 1, Math.max(0, value));
-      this.cursor = [clamp(x + moves[event.key][0], this.width), clamp(y + moves[event.key][1], this.height)];
+      this.cursor = inPicture([x + moves[event.key][0], y + moves[event.key][1]], this.width, this.height);
     } else if (event.key === "Enter" || event.key === " ") this.add(this.cursor);
     else if (event.key === "Backspace" || event.key === "Delete") this.set(this.points.slice(0, -1));
     else if (event.key === "Escape") return this.toggle();

@@ -9,6 +9,7 @@ import numpy as np
 from services.arrays import Points
 from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
+from services.geometry.hulls import corner_turns
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
 from services.rectify.shape_choice.shaped_page import ShapedPage
@@ -47,12 +48,7 @@ def page_between(
 def places_corners(page: ShapedPage, corners: Points) -> bool:
     """Whether `corners` (4, 2), in their order, are those of a quadrilateral on the flat page that turns right."""
     at = page.shape.page_map.to_page(page.view.to_centred(corners))
-    if not np.isfinite(at).all():
-        return False
-    ahead = np.roll(at, -1, axis=0) - at
-    behind = np.roll(ahead, 1, axis=0)
-    turns = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
-    return bool((turns > 0).all())
+    return bool(np.isfinite(at).all() and (corner_turns(at) > 0).all())
 
 
 def _by_text(page: ShapedPage | None) -> Iterator[ShapedPage]:
