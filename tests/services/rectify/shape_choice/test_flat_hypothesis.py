@@ -1,22 +1,30 @@
 """The photo is the page until its evidence shows more: cropped pages, pages of PDFs, and what is no page."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter
 
-from services.arrays import RgbImage
+from services.arrays import Points, RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
+from services.geometry.photo_frame import PhotoFrame
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
-from services.rectify.shape_choice.flat_hypothesis import sure_departure
+from services.rectify.shape_choice.flat_hypothesis import sheet_in_view, sure_departure
+from services.sheet.outline.results import SheetOutline, SheetSide
 from services.sheet.plane.departure import Departure, Measured
+from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.photo import simulate_photo
-from simulation.scenes import BOOK, PLANE, POSES
+from simulation.scenes import BOOK, PLANE, POSES, WAVE, View
+from simulation.sheets import Staging, take_photo, with_margins
 from simulation.surfaces import Shape
+from simulation.truth import Truth
+from tests.services.rectify.test_pipeline import mesh_residual
 
 pytestmark = pytest.mark.pipeline
 AS_IT_LIES = RectifyParameters(upright=False)
@@ -104,6 +112,46 @@ def test_a_scan_with_few_words_in_italics_is_flat() -> None:
     assert result.evidence.source == ("photo",)
     assert result.evidence.flatness_error_percent == pytest.approx(0.1, abs=0.1)
     assert result.warnings == ()
+
+
+def outline_at(corners: Points, confidence: float, seen: float) -> SheetOutline:
+    sides = [SheetSide(np.linspace(corners[k], corners[k - 3], 20), np.ones(20), seen, 0.0) for k in range(4)]
+    return SheetOutline(corners, (sides[0], sides[1], sides[2], sides[3]), confidence, corners)
+
+
+@pytest.mark.parametrize(
+    ("confidence", "seen", "inset", "is_seen"),
+    [
+        (0.8, 1.0, 0.2, True),
+        (0.8, 0.6, 0.2, False),
+        (0.6, 1.0, 0.2, False),
+        (0.95, 0.6, 0.2, True),
+        (0.95, 1.0, 0.01, False),
+    ],
+)
+def test_a_sheet_whose_sides_are_all_seen_is_in_view(
+    confidence: float, seen: float, inset: float, is_seen: bool
+) -> None:
+    view, square = PhotoFrame(800, 1000), np.array([[0.0, 0.05], [1.0, 0.0], [0.95, 1.0], [0.0, 1.0]])
+    corners = [800, 1000] * (inset + (1 - 2 * inset) * square)
+    assert sheet_in_view(outline_at(corners, confidence, seen), view, is_document=False) is is_seen
+
+
+def test_a_bent_sheet_on_a_desk_is_not_its_photo() -> None:
+    sheet, view = with_margins(own_pages(800, 1250)[0]), View("far", 2600, 12, 200, 4)
+    camera = view.camera(1200, 1500)
+    pose = view.pose(sheet, WAVE, camera)
+    x, y, z = pose.translation
+    far = replace(pose, translation=(x, y, 1.9 * z))
+    photo = take_photo(
+        Truth(sheet, WAVE, 0.0, far, camera),
+        Staging(lamp_deg=200.0, lamp_height_deg=40.0),
+        PHONE,
+        np.random.default_rng(3),
+    )
+    result = answer(photo.image)
+    assert "photo" not in result.evidence.source
+    assert mesh_residual(result, photo) < 0.004
 
 
 def write(image: RgbImage, text: str, at: tuple[int, int], size: int = 22, turn_deg: float = 0.0) -> None:
