@@ -89,7 +89,7 @@ def read_words(
 
 def learn(confidence: Vector, is_right: NDArray[np.bool_]) -> WordTrust:
     """The coefficients that make the words' being right most probable."""
-    columns, sign = features_of(confidence), np.where(is_right, 1.0, -1.0)
+    columns, sign = np.array([features_of(each) for each in confidence]), np.where(is_right, 1.0, -1.0)
 
     def loss(weights: Vector) -> tuple[float, Vector]:
         margin = sign * (columns @ weights)

@@ -199,3 +199,14 @@ def test_a_high_word_stays_with_the_words_of_its_line(
         ("first line read", 2),
         ("read again", 3),
     ]
+
+
+@pytest.mark.parametrize(("page_confidence", "readings"), [(0.95, 0), (0.7, 1)])
+def test_an_unsure_line_of_a_page_that_reads_well_is_left_as_it_is(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]], page_confidence: float, readings: int
+) -> None:
+    gray, boxes = page
+    words = [read(boxes[0], page_confidence), read(boxes[1], 0.6), read(boxes[2], page_confidence)]
+    engine = LineEngine()
+    with_lost_lines(gray, words, engine)
+    assert len(engine.crops) == readings
