@@ -24,6 +24,8 @@ MODULES = {
     "print_kept": "rectify.print_kept",
     "flatness": "rectify.flatness",
     "reading": "reading.study",
+    "expected_error": "reading.expected_error",
+    "reading_busy": "reading.busy",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "layout_recognition": "layout.recognition",

@@ -1,4 +1,6 @@
-"""Predicted and measured character error of photos: rank correlation, and the coefficients of the models.
+"""Predicted and measured character error of photos: rank correlation, and the coefficients of what damages cost.
+
+What these say of real pages, and the model of readings, are learned by `python -m benchmarks expected_error`.
 
 *Photo*: the error that the photo's figures let expect. *Reading*: the error that the confidences of the words let
 expect, once the page has been read.
@@ -26,19 +28,17 @@ from benchmarks.common.reading import character_score
 from benchmarks.rectify.advice_photos import Measured, measure_photos, usual_focus_measures
 from services.capture.quality import CaptureQuality, measure_quality
 from services.capture.readability import (
-    LEAST_SHARE,
     ErrorModel,
-    ReadingModel,
     features_of,
-    mean_logit,
     predict_character_error,
+    predict_damage_error,
     predict_error_of_reading,
 )
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
 from services.operations.page_reading import read_flat_page, reading_engine
 from services.rectify.pipeline import rectify
-from services.text.page_text import unsure_share
+from services.text.page_text import doubtful_letters
 
 _RIDGE = 0.02
 _PARTS = 10
@@ -49,13 +49,13 @@ _UNEVEN_LIGHT = 4.0
 
 def simulated(count: int, seed: int) -> list[Measured]:
     """Measured photos, from the cache if they were measured before."""
-    path = OUTPUT / f"advice_{seed}_{count}_pairs_read.json"
+    path = OUTPUT / f"advice_{seed}_{count}_pairs_doubt.json"
     if path.is_file():
         return [
             Measured(
                 CaptureQuality(**row["quality"]),
                 row["error"],
-                row["unsure"],
+                row["doubtful"],
                 tuple(row["focus"]),
                 row["group"],
                 row["damage"],
@@ -97,7 +97,7 @@ def fit(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> Err
 def fit_crooked_lines(qualities: Sequence[CaptureQuality], errors: NDArray[np.float64]) -> ErrorModel:
     """The model with the coefficient of crooked lines that has the least absolute distances to the `errors`."""
     without = replace(ErrorModel(), crooked_lines=0.0)
-    read = 1 - np.array([predict_character_error(quality, without) for quality in qualities])
+    read = 1 - np.array([predict_damage_error(quality, without) for quality in qualities])
     weights = read * np.maximum([quality.line_tilt_rad for quality in qualities], 1e-6)
     slopes = (errors - 1 + read) / weights
     order = np.argsort(slopes)  # the weighted median
@@ -108,37 +108,14 @@ def fit_crooked_lines(qualities: Sequence[CaptureQuality], errors: NDArray[np.fl
 def left_out(
     qualities: Sequence[CaptureQuality], errors: NDArray[np.float64], parts: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Errors (N,) that models predict which were fitted to the photos of the other `parts` (N,)."""
+    """Errors (N,) that models predict which were fitted to the photos of the other `parts` (N,), not calibrated."""
     predicted = np.zeros(len(errors))
     for part in np.unique(parts):
         model = fit(
             [q for q, own in zip(qualities, parts, strict=True) if own != part], errors[parts != part]
         )
         for index in np.flatnonzero(parts == part):
-            predicted[index] = predict_character_error(qualities[index], model)
-    return predicted
-
-
-def fit_reading(rows: Sequence[Measured], photo: ErrorModel | None = None) -> ReadingModel:
-    """Coefficients of least squared logit distance to the errors of the letters that are not cut off."""
-    cut = np.array([row.quality.cut_off_fraction for row in rows])
-    misread = 1 - (1 - np.array([row.error for row in rows])) / np.maximum(1 - cut, 0.05)
-    misread = np.clip(misread, LEAST_SHARE, 1 - LEAST_SHARE)
-    means = [mean_logit(row.quality, row.unsure, photo) for row in rows]
-    slope, constant = np.polyfit(means, np.log(misread / (1 - misread)), 1)
-    return ReadingModel(round(float(constant), 2), round(float(slope), 2))
-
-
-def reading_left_out(rows: Sequence[Measured], parts: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Errors (N,) by models of photo and reading that were fitted to the photos of the other `parts` (N,)."""
-    predicted = np.zeros(len(rows))
-    for part in np.unique(parts):
-        others = [row for row, own in zip(rows, parts, strict=True) if own != part]
-        photo = fit([row.quality for row in others], np.array([row.error for row in others]))
-        model = fit_reading(others, photo)
-        for index in np.flatnonzero(parts == part):
-            row = rows[index]
-            predicted[index] = predict_error_of_reading(row.quality, row.unsure, model, photo)
+            predicted[index] = predict_damage_error(qualities[index], model)
     return predicted
 
 
@@ -157,8 +134,8 @@ def measure(photo: NDArray[np.uint8], lines: Sequence[str]) -> Measured | None:
         return None
     text = read_flat_page(result.image, engine, language)
     error = 1.0 - character_score(lines, "\n".join(line.text for line in text.lines))
-    unsure = unsure_share(text.words)
-    return Measured(quality, error, unsure, usual_focus_measures(gray), "development")
+    doubtful = doubtful_letters(text.words)
+    return Measured(quality, error, doubtful, usual_focus_measures(gray), "development")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -181,18 +158,15 @@ def main(arguments: Sequence[str]) -> int:
     _report_chance(damages, errors)
     for name, parts in (("tenths", damages % _PARTS), ("kinds of damage", groups)):
         found = spearmanr(left_out(qualities, errors, parts), errors).statistic
-        read = spearmanr(reading_left_out(rows, parts), errors).statistic
-        print(f"  of models without the photo's part, {name}: photo {found:.3f}, reading {read:.3f}")
+        print(f"  of models without the photo's part, {name}: {found:.3f}")
     if asked.fit:
-        print(
-            f"  coefficients of all: {astuple(fit(qualities, errors))}, reading {astuple(fit_reading(rows))}"
-        )
+        print(f"  coefficients of all: {astuple(fit(qualities, errors))}")
     if asked.development:
         own = _development()
         _report("development", own)
         qualities, errors = [row.quality for row in own], np.array([row.error for row in own])
         each = [
-            predict_character_error(
+            predict_damage_error(
                 quality, fit_crooked_lines(qualities[:k] + qualities[k + 1 :], np.delete(errors, k))
             )
             for k, quality in enumerate(qualities)
@@ -234,7 +208,7 @@ def _report(name: str, rows: Sequence[Measured]) -> None:
     errors, focus = np.array([row.error for row in rows]), np.array([row.focus for row in rows])
     predicted = {
         "photo": [predict_character_error(row.quality) for row in rows],
-        "reading": [predict_error_of_reading(row.quality, row.unsure) for row in rows],
+        "reading": [predict_error_of_reading(row.quality, row.doubtful) for row in rows],
     }
     middle = np.percentile(errors, [25, 50, 75])
     print(

@@ -20,7 +20,7 @@ from services.ocr.engine import Word
 from services.operations.page_reading import reading_engine
 from services.rectify.analysis.found_text import find_text
 from services.rectify.analysis.print_sample import print_heights
-from services.text.page_text import unsure_share
+from services.text.page_text import doubtful_letters
 from simulation.degradation import Degradation, Exposure, degrade, expose
 from simulation.flat_page import Page
 from simulation.pages import own_pages
@@ -61,12 +61,12 @@ class Damage:
 class Measured:
     """A photo's figures, its measured character error, and usual focus measures (larger is sharper).
 
-    `unsure` is the share of letters that OCR read in words of little confidence.
+    `doubtful` is the share of letters in words that are probably wrong, by the OCR's confidences.
     """
 
     quality: CaptureQuality
     error: float
-    unsure: float
+    doubtful: float
     focus: tuple[float, float, float]
     group: str
     """What the photo suffers from most."""
@@ -285,8 +285,8 @@ def measure_photos(count: int, seed: int = 19, repeats: int = 2) -> Iterator[Mea
             quality = None if read is None else measure_figures(photo)
             if quality is not None and read is not None:
                 gray = np.asarray(cv2.cvtColor(photo.image, cv2.COLOR_RGB2GRAY), np.uint8)
-                unsure = unsure_share(read[1])
-                yield Measured(quality, read[0], unsure, usual_focus_measures(gray), photo.group, number)
+                doubtful = doubtful_letters(read[1])
+                yield Measured(quality, read[0], doubtful, usual_focus_measures(gray), photo.group, number)
 
 
 def measure_figures(photo: CropPhoto) -> CaptureQuality | None:

@@ -8,7 +8,9 @@ On creased paper, words are misread where lines are not level on the flat page, 
 come on top of the others; their coefficient is fitted to development photos by `python -m benchmarks advice --fit
 --development`.
 
-Once a page has been read, the OCR's own confidences say more: how many letters are in words of which it is unsure.
+What these figures say of real pages is learned apart (`PhotoCalibration`): simulated crops have no creases, and no
+letters of less than 3 pixels. Once a page has been read, the confidences of its words say more than any figure of the
+photo (`ReadingModel`). Both are fitted by `python -m benchmarks expected_error`.
 """
 
 import math
@@ -22,6 +24,8 @@ LEAST_NOISE = 0.03
 """Noise, as a share of the step from ink to paper, that makes no difference to OCR."""
 LARGEST_LETTER_PX = 40.0
 """Height of small letters above which more pixels are worth nothing; the photos of the fit end at 26."""
+TINY_LETTER_PX = 4.0
+"""Height of small letters below which they are worse than blur and noise say; of 4 to 8 px the most likely."""
 LEAST_SHARE = 0.003
 """Shares nearer to 0 or 1 make no difference."""
 
@@ -57,14 +61,35 @@ def features_of(quality: CaptureQuality) -> tuple[float, float, float, float, fl
     )
 
 
-def predict_character_error(quality: CaptureQuality, model: ErrorModel | None = None) -> float:
+@dataclass(frozen=True, slots=True)
+class PhotoCalibration:
+    """The logit of the error on real pages: a line of that of `ErrorModel`, and more the smaller tiny letters are."""
+
+    constant: float = 2.92
+    slope: float = 1.45
+    tiny_letters: float = 1.14
+
+
+def photo_variables(quality: CaptureQuality, model: ErrorModel | None = None) -> tuple[float, float]:
+    """The variables of `PhotoCalibration`: the logit of `ErrorModel`'s share, and e-folds below `TINY_LETTER_PX`."""
+    tiny = math.log(TINY_LETTER_PX / max(quality.letter_px, 1.0))
+    return _logit(_predict_misread(quality, model or ErrorModel())), max(tiny, 0.0)
+
+
+def predict_character_error(quality: CaptureQuality, calibration: PhotoCalibration | None = None) -> float:
     """Share of the characters, 0-1, that OCR will not read right. What is cut off is lost."""
-    misread = _predict_misread(quality, model or ErrorModel())
-    return 1.0 - (1.0 - misread) * (1.0 - quality.cut_off_fraction)
+    c = calibration or PhotoCalibration()
+    misread, tiny = photo_variables(quality)
+    return _with_cut(_logistic(c.constant + c.slope * misread + c.tiny_letters * tiny), quality)
+
+
+def predict_damage_error(quality: CaptureQuality, model: ErrorModel | None = None) -> float:
+    """The same as on simulated photos of level print, before `PhotoCalibration`."""
+    return _with_cut(_predict_misread(quality, model or ErrorModel()), quality)
 
 
 def _predict_misread(quality: CaptureQuality, m: ErrorModel) -> float:
-    """Share of the characters in view that OCR will not read right."""
+    """Share of the characters in view that OCR will not read right, without calibration."""
     weights = (m.lost_detail, m.blur, m.noise, m.few_pixels, m.uneven_light)
     logit = m.constant + sum(w * f for w, f in zip(weights, features_of(quality), strict=True))
     level = 1.0 - min(m.crooked_lines * quality.line_tilt_rad, 1.0)
@@ -73,26 +98,29 @@ def _predict_misread(quality: CaptureQuality, m: ErrorModel) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ReadingModel:
-    """Logistic model: the logit of the error is a line of a mean of two logits.
+    """The logit of the error is a line of that of the share of letters in words that are probably wrong.
 
-    These are the logit of the error that the photo lets expect, and that of the share of unsure letters.
+    A wrong word has right letters too, so that the error is less than this share. Figures of the photo add nothing.
     """
 
-    constant: float = -1.08
-    slope: float = 1.08
+    constant: float = -0.41
+    slope: float = 1.04
 
 
-def mean_logit(quality: CaptureQuality, unsure: float, photo: ErrorModel | None = None) -> float:
-    """The variable of `ReadingModel`, of a page of which the share `unsure` of the letters was read unsurely."""
-    return (_logit(_predict_misread(quality, photo or ErrorModel())) + _logit(unsure)) / 2
+def reading_variable(doubtful: float) -> float:
+    """The variable of `ReadingModel`, of a page with this share of `doubtful_letters`."""
+    return _logit(doubtful)
 
 
 def predict_error_of_reading(
-    quality: CaptureQuality, unsure: float, model: ReadingModel | None = None, photo: ErrorModel | None = None
+    quality: CaptureQuality, doubtful: float, model: ReadingModel | None = None
 ) -> float:
-    """Share of the characters, 0-1, that were not read right, by that of `unsure` letters. What is cut off is lost."""
+    """Share of the characters, 0-1, that were not read right, by that of doubtful letters. What is cut off is lost."""
     m = model or ReadingModel()
-    misread = _logistic(m.constant + m.slope * mean_logit(quality, unsure, photo))
+    return _with_cut(_logistic(m.constant + m.slope * reading_variable(doubtful)), quality)
+
+
+def _with_cut(misread: float, quality: CaptureQuality) -> float:
     return 1.0 - (1.0 - misread) * (1.0 - quality.cut_off_fraction)
 
 

@@ -13,7 +13,7 @@ from services.imaging.channels import luminance
 from services.ocr.engine import Word
 from services.operations.replies import rounded
 from services.rectify.results import RectifyResult
-from services.text.page_text import unsure_share
+from services.text.page_text import doubtful_letters
 
 
 def describe_quality(
@@ -38,7 +38,7 @@ def describe_quality(
     if words is None:
         error, source = predict_character_error(quality), "photo"
     else:
-        error, source = predict_error_of_reading(quality, unsure_share(words)), "reading"
+        error, source = predict_error_of_reading(quality, doubtful_letters(words)), "reading"
     return {
         "text_height_px": {
             "min": rounded(quality.text_height_min_px, 1),

@@ -13,9 +13,6 @@ Box = tuple[float, float, float, float]
 Quadrilateral = tuple[tuple[float, float], tuple[float, float], tuple[float, float], tuple[float, float]]
 """Corners (x, y), clockwise from the top left one of the flat page."""
 BlockKind = Literal["heading", "text"]
-SURE = 0.8
-"""Least confidence (the engine's own) of a sure word: the share of other letters ranks pages by their errors.
-With 0.6 and 0.9 the ranks are as good."""
 
 _RIGHT_TO_LEFT = frozenset({"R", "AL"})
 _LEFT_TO_RIGHT = "L"
@@ -115,10 +112,11 @@ def union_box(boxes: Sequence[Box]) -> Box:
     return min(x0), min(y0), max(x1), max(y1)
 
 
-def unsure_share(words: Sequence[Word]) -> float:
-    """Share of the letters that are in words of which the engine is unsure; 1 where nothing was read."""
+def doubtful_letters(words: Sequence[Word]) -> float:
+    """Share of the letters that are in words that are probably wrong; 1 where nothing was read."""
     letters = sum(len(word.text) for word in words)
-    return sum(len(word.text) for word in words if word.confidence < SURE) / letters if letters else 1.0
+    right = sum(len(word.text) * probability_right(word.confidence) for word in words)
+    return 1.0 - right / letters if letters else 1.0
 
 
 def is_right_to_left(text: str) -> bool:

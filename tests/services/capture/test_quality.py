@@ -1,6 +1,7 @@
 """Figures of drawn photos whose height, blur, contrast and light are known, and what is advised."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from services.capture.advice import advise
 from services.capture.quality import CaptureQuality, QualityParameters, measure_quality
 from services.capture.readability import predict_character_error, predict_error_of_reading
 from services.ocr.engine import Word
-from services.text.page_text import unsure_share
+from services.text.page_text import doubtful_letters
 
 HEIGHT_PX = 24.0
 GOOD = CaptureQuality(24.0, 24.0, 0.8, 0.8, 0.0, 0.0, 0.0)
@@ -129,20 +130,29 @@ def test_every_fault_has_its_advice_and_costs(worse: dict[str, object], code: st
     assert advise(GOOD) == ()
 
 
-def test_a_reading_with_more_unsure_letters_has_more_errors() -> None:
+def test_a_reading_with_more_doubtful_letters_has_more_errors() -> None:
     def page(unsure: int) -> list[Word]:
-        return [Word("letters", (0, 0, 90, 30), 0.3 if index < unsure else 0.95) for index in range(10)]
+        return [Word("letters", (0, 0, 90, 30), 0.3 if index < unsure else 0.96) for index in range(10)]
 
-    shares = [unsure_share(page(unsure)) for unsure in (0, 3, 10)]
-    assert shares == pytest.approx([0.0, 0.3, 1.0])
-    assert unsure_share([]) == 1.0, "where nothing was read, nothing is sure"
+    shares = [doubtful_letters(page(unsure)) for unsure in (0, 3, 10)]
+    assert shares == pytest.approx([0.006, 0.25, 0.82], abs=0.03)
+    assert doubtful_letters([]) == 1.0, "where nothing was read, nothing is sure"
     errors = [predict_error_of_reading(GOOD, share) for share in shares]
     assert 0.0 < errors[0] < errors[1] < errors[2] < 1.0
-    # Of two readings with the same confidences, that of the worse photo has more errors; what is cut off is lost.
-    assert predict_error_of_reading(replace(GOOD, worst_blur_px=6.0), 0.3) > errors[1]
-    assert predict_error_of_reading(replace(GOOD, cut_off_fraction=0.5), 0.0) == pytest.approx(
-        0.5 + 0.5 * errors[0]
+    assert all(error < share for error, share in zip(errors, shares, strict=True)), (
+        "a wrong word has right letters"
     )
+    cut = predict_error_of_reading(replace(GOOD, cut_off_fraction=0.5), shares[0])
+    assert cut == pytest.approx(0.5 + 0.5 * errors[0]), "what is cut off is lost"
+
+
+def test_tiny_letters_are_read_worse_than_their_blur_says() -> None:
+    """Below 4 px they are too small to read, however sharp."""
+    expected = [
+        predict_character_error(replace(GOOD, letter_px=each, worst_blur_px=1.0)) for each in (2, 2.8, 4, 8)
+    ]
+    assert all(worse > better for worse, better in pairwise(expected))
+    assert expected[0] > 3 * expected[2]
 
 
 def test_the_sentence_says_the_figure() -> None:

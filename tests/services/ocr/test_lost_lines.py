@@ -201,12 +201,13 @@ def test_a_high_word_stays_with_the_words_of_its_line(
     ]
 
 
-@pytest.mark.parametrize(("page_confidence", "readings"), [(0.95, 0), (0.7, 1)])
-def test_an_unsure_line_of_a_page_that_reads_well_is_left_as_it_is(
-    page: tuple[GrayImage, list[tuple[float, float, float, float]]], page_confidence: float, readings: int
+@pytest.mark.parametrize(("covered", "readings"), [(0.5, 1), (0.7, 0)])
+def test_a_line_is_lost_where_its_words_leave_much_of_it(
+    page: tuple[GrayImage, list[tuple[float, float, float, float]]], covered: float, readings: int
 ) -> None:
     gray, boxes = page
-    words = [read(boxes[0], page_confidence), read(boxes[1], 0.6), read(boxes[2], page_confidence)]
+    x0, y0, x1, y1 = boxes[1]
+    part = Word("part", (x0, y0, x0 + covered * (x1 - x0), y1), 0.9)
     engine = LineEngine()
-    with_lost_lines(gray, words, engine)
+    with_lost_lines(gray, [read(boxes[0]), part, read(boxes[2])], engine)
     assert len(engine.crops) == readings
