@@ -27,6 +27,7 @@ RULES = [
             "services.contract",
             "services.errors",
             "services.progress",
+            "services.deadline",
             "services.heap",
             "services.layout.content.content_settings",
         ),

@@ -348,7 +348,12 @@ class LocalEngine:
             timer = loop.call_later(job.time_limit.seconds, expire)
             job.answer.add_done_callback(abandon)
             outcome, value = await loop.run_in_executor(
-                self._threads, worker.call, job.operation, arguments, job.listener(loop)
+                self._threads,
+                worker.call,
+                job.operation,
+                arguments,
+                job.time_limit.seconds,
+                job.listener(loop),
             )
             usable = outcome in {inside.DONE, inside.REFUSED, inside.FAILED}
             error = error_of(outcome, value, self._limits.worker_memory_bytes)

@@ -51,15 +51,19 @@ class WorkerProcess:
         return cast(dict[str, object], facts)
 
     def call(
-        self, operation: str, arguments: list[object], listen: ProgressSink | None = None
+        self,
+        operation: str,
+        arguments: list[object],
+        limit_s: float = float("inf"),
+        listen: ProgressSink | None = None,
     ) -> inside.Outcome:
         """Outcome of `operation(*arguments)`; empties `arguments`.
 
-        Uploads are large, so the server's copy is deleted once the worker has it. `listen` receives the progress, in
-        the calling thread.
+        Uploads are large, so the server's copy is deleted once the worker has it. The operation is told that it has
+        `limit_s`; the caller must see to it. `listen` receives the progress, in the calling thread.
         """
         call = pickle.dumps(
-            (operation, tuple(arguments), listen is not None), protocol=pickle.HIGHEST_PROTOCOL
+            (operation, tuple(arguments), limit_s, listen is not None), protocol=pickle.HIGHEST_PROTOCOL
         )
         arguments.clear()
         try:

@@ -19,6 +19,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal
 
+from services.deadline import answered_within
 from services.errors import DocumentError
 from services.heap import release_freed_memory
 from services.progress import progress_to
@@ -95,7 +96,7 @@ def _settle(memory_bytes: int) -> None:
 
 
 def _answer_next(connection: Connection) -> bytes | None:
-    """Pickled `Outcome` of the next call, which is a pickled (operation, arguments, whether progress is wanted).
+    """Pickled `Outcome` of the next call, a pickled (operation, arguments, seconds, whether progress is wanted).
 
     None when the engine has closed the pipe. Errors of the operation are returned as outcomes, not raised.
     """
@@ -104,9 +105,10 @@ def _answer_next(connection: Connection) -> bytes | None:
     except (EOFError, OSError):
         return None
     try:
-        operation, arguments, listens = pickle.loads(call)
+        operation, arguments, limit_s, listens = pickle.loads(call)
         del call  # uploads are large: this leaves one copy while the operation runs
-        with progress_to(ProgressReports(connection).send if listens else None):
+        reports = ProgressReports(connection).send if listens else None
+        with progress_to(reports), answered_within(limit_s):
             return pickle.dumps((DONE, run(operation, arguments)))
     except DocumentError as error:
         return pickle.dumps((REFUSED, error))

@@ -3,7 +3,7 @@
 python -m benchmarks reading_busy [--processes N] [--photos N]
 
 So many processes compute without end while the service reads two drawn tables of numbers and the development photos
-with the most lines, one after another, with its usual limits of time. No answer may be a problem; `reading-cut` is told.
+with the most lines, one after another, with its usual limits of time. No answer may be a problem; warnings are told.
 """
 
 import multiprocessing

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
+from services.deadline import time_left_s
 from services.ocr.engine import LineReader, OcrEngine, Word, mean_confidence
 from services.ocr.text_lines import TextLine, crop_place, cut_line, detect_text_lines
 
@@ -54,7 +55,7 @@ def with_lost_lines(
 
     A line is read again as a whole, with all that the engine read as parts of it, so that no word is there twice. The
     new words take the number of the first of these parts. An engine that cannot read single lines as words leaves them
-    as they are. None is read after `ends_s` (of `time.process_time`).
+    as they are. None is read after `ends_s` (of `time.process_time`), or after the deadline.
     """
     p = LostLineParameters()
     found = detect_text_lines(gray).rows
@@ -72,7 +73,8 @@ def with_lost_lines(
         sure = [words[k].box for k in np.flatnonzero(own & table.sure).tolist()]
         if _covered(sure, line) >= p.least_cover:
             continue
-        if vain >= p.most_vain + p.vain_for_each * better or time.process_time() >= ends_s:
+        is_over = time.process_time() >= ends_s or time_left_s() <= 0.0
+        if is_over or vain >= p.most_vain + p.vain_for_each * better:
             break
         if sure and left <= 0.0:
             continue

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage
+from services.deadline import time_left_s
 from services.ocr.cpu_limit import CpuTimeOver, can_limit, cpu_limit
 from services.ocr.engine import OcrEngine, ReadDirection, Word
 from services.ocr.languages import DEFAULT_LANGUAGE
@@ -208,7 +209,8 @@ class TesseractEngine:
     def _recognize_within(api: Any, limit_s: float | None) -> bool:
         """Whether the recognition came to its end; in other threads than the main one the limit is of wall time."""
         if limit_s is None or not can_limit():
-            return bool(api.Recognize(0 if limit_s is None else max(1, round(1000 * limit_s))))
+            wall_s = None if limit_s is None else min(limit_s, time_left_s())
+            return bool(api.Recognize(0 if wall_s is None else max(1, round(1000 * wall_s))))
         try:
             with cpu_limit(limit_s):
                 return bool(api.Recognize())

@@ -10,12 +10,17 @@ from pathlib import Path
 
 import psutil
 
+from services.deadline import time_left_s
 from services.errors import NoText
 from services.progress import report_progress
 
 
 def worker_pid() -> int:
     return os.getpid()
+
+
+def seconds_left() -> float:
+    return time_left_s()
 
 
 def size_of(payload: bytes) -> int:

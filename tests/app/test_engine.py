@@ -15,6 +15,7 @@ from app.engine.base import (
     JobRecord,
     JobTimedOut,
     OutOfMemory,
+    TimeLimit,
     WorkerDied,
 )
 from app.engine.local import LocalEngine, PoolLimits
@@ -33,6 +34,7 @@ from tests.app.jobs import (
     payload_of,
     refuse,
     resident_bytes,
+    seconds_left,
     size_of,
     start_child_and_hang,
     take_memory,
@@ -59,6 +61,17 @@ def test_it_answers_from_a_warm_process_of_its_own() -> None:
             assert await pool.submit(named(worker_pid)) == pool.status().facts["pid"] != os.getpid()
             assert await pool.submit(named(size_of), b"x" * 30_000_000) == 30_000_000
             assert len(await pool.submit(named(payload_of), 30_000_000)) == 30_000_000
+
+    asyncio.run(check())
+
+
+def test_work_knows_how_much_time_it_has() -> None:
+    async def check() -> None:
+        async with engine() as pool:
+            assert (
+                400.0 < await pool.submit(named(seconds_left), time_limit=TimeLimit(500.0, "TIME")) <= 500.0
+            )
+            assert await pool.submit(named(seconds_left)) < 400.0, "of one call, not of the worker"
 
     asyncio.run(check())
 

@@ -8,6 +8,7 @@ import pytest
 
 from services.contract.images import Encoding, ImageLimits, PageReply, TextFormat
 from services.contract.rectify import RectifyParameters
+from services.deadline import answered_within, time_left_s
 from services.errors import InvalidOption
 from services.layout.page import Page, ReadWord, Zone
 from services.ocr.engine import Word
@@ -75,6 +76,19 @@ def test_a_page_that_was_not_read_to_its_end_has_a_warning(
     assert [word["text"] for word in document["text"]["words"]] == ["Dear", "Smith"]  # type: ignore[index]
     codes = [warning["code"] for warning in document["warnings"]]  # type: ignore[attr-defined]
     assert ("reading-cut" in codes) == cut
+
+
+def test_reading_leaves_time_for_what_follows(monkeypatch: pytest.MonkeyPatch) -> None:
+    left_s: list[float] = []
+
+    def segment(*given: object) -> tuple[Page, list[Word], bool]:
+        left_s.append(time_left_s())
+        return Page(800, 600, ()), list(WORDS), False
+
+    monkeypatch.setattr(page_reading, "segment_read_page", segment)
+    with answered_within(100.0):
+        read(Encoding("json"))
+    assert 0.0 < left_s[0] <= 100.0 * page_reading.SHARE_OF_TIME
 
 
 def test_without_the_option_nothing_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
