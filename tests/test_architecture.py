@@ -153,6 +153,22 @@ def test_imports_run_one_way(who: str, forbidden: tuple[str, ...], allowed: tupl
     assert wrong == []
 
 
+def test_only_main_imports_routes() -> None:
+    """What routes share with other rooms has a room of its own."""
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in sources("app")
+        for name in imports(path)
+        if within(name, ("app.routes",)) and path.parent.name != "routes" and path.name != "main.py"
+    ]
+    assert wrong == []
+
+
+def test_the_app_has_rooms() -> None:
+    """At most a dozen modules lie in none of them."""
+    assert len(list((ROOT / "app").glob("*.py"))) <= 12
+
+
 def test_the_server_loads_no_arrays() -> None:
     """Neither directly nor through what it imports: that is for the workers."""
     loaded = subprocess.run(

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from app.problems import STATUS_OF_CODE
+from app.http.problems import STATUS_OF_CODE
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = (ROOT / "docs" / "api.md").read_text("utf-8")

@@ -6,11 +6,13 @@ from typing import Annotated, Any, cast
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.callers import Caller, caller_of
-from app.connection import while_connected
+from app.access.callers import Caller, caller_of
 from app.engine.base import TimeLimit
-from app.problems import documented
-from app.representations import (
+from app.http.connection import while_connected
+from app.http.json_answers import JSON, answer_json
+from app.http.json_bodies import json_request, read_json
+from app.http.problems import documented
+from app.http.representations import (
     check_accepted,
     choose_described_format,
     content_disposition,
@@ -18,13 +20,11 @@ from app.representations import (
     image_headers,
 )
 from app.routes.common_responses import BODY, STORE, WORK
-from app.routes.json_answers import JSON, answer_json
-from app.routes.json_bodies import json_request, read_json
 from app.routes.page_answers import BINARY
-from app.routes.state import AppState, State
 from app.schemas.kept_pages import PICTURE_FORMATS, BindRequest, Picture, PictureFormat, RenderRequest
 from app.schemas.options import MaxPixels
 from app.schemas.rectify import RectifyResult
+from app.state import AppState, State
 from models.errors import KeptPageNotFound, ResultNotFound, StoreError
 from models.records import StoredPage
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, SeveralFormat

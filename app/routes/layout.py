@@ -6,24 +6,23 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
-from app.callers import caller_of
-from app.decisions import tolerated_errors_of
-from app.form_parts import FormRoute
-from app.problems import documented
-from app.representations import (
+from app.access.callers import caller_of
+from app.http.form_parts import FormRoute
+from app.http.json_answers import answer_json
+from app.http.known_options import known_parts, with_format
+from app.http.ocr_languages import chosen_language
+from app.http.problems import documented
+from app.http.representations import (
     choose_described_format,
     content_disposition,
     layout_headers,
 )
+from app.learning.labelled_pages import MissingPart, layout_settings, zones_upload
+from app.review.decisions import tolerated_errors_of
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.document_uploads import document_time_limit
-from app.routes.json_answers import answer_json
-from app.routes.known_options import known_parts, with_format
-from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.ocr_languages import chosen_language
-from app.routes.state import AppState, State
 from app.schemas.layout import (
     DocumentResult,
     LayoutForm,
@@ -34,6 +33,7 @@ from app.schemas.layout import (
 )
 from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
+from app.state import AppState, State
 from services.contract.layout import (
     MEDIA_TYPES,
     DocumentReply,

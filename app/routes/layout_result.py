@@ -7,16 +7,16 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.callers import require_own_result
-from app.connection import while_connected
-from app.problems import documented
-from app.representations import choose_described_format, content_disposition, layout_headers
+from app.access.callers import require_own_result
+from app.http.connection import while_connected
+from app.http.json_answers import answer_json
+from app.http.problems import documented
+from app.http.representations import choose_described_format, content_disposition, layout_headers
+from app.learning.labelled_pages import layout_settings
 from app.routes.common_responses import STORE, WORK
-from app.routes.json_answers import answer_json
-from app.routes.labelled_pages import layout_settings
 from app.routes.layout import HEADERS, OTHER_CONTENT, SUFFIXES
-from app.routes.state import AppState, State
 from app.schemas.layout import DocumentResult, LayoutResult, document_of, result_of
+from app.state import AppState, State
 from models.errors import ModelNotFound, ResultNotFound
 from models.records import StoredResult
 from models.repository import Store

@@ -7,8 +7,9 @@ from typing import Any, Protocol
 from fastapi import Request, Response, UploadFile
 from pydantic import BaseModel
 
-from app.problems import described_problem, documented
-from app.representations import (
+from app.http.json_answers import JSON, answer_json
+from app.http.problems import described_problem, documented
+from app.http.representations import (
     MEDIA_TYPES,
     SNIFFED_BYTES,
     choose_format,
@@ -19,7 +20,6 @@ from app.representations import (
     sniff_format,
 )
 from app.routes.common_responses import FORM, IMAGE, WORK
-from app.routes.json_answers import JSON, answer_json
 from app.routes.long_work import ACCEPTED
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import (

@@ -14,7 +14,7 @@ from fastapi import UploadFile
 
 from app.engine.base import JobTimedOut, TimeLimit
 from app.routes.document_uploads import document_limits
-from app.routes.state import AppState
+from app.state import AppState
 from services.contract.images import Encoding, PageReply
 from services.contract.rectify import RectifyParameters
 from services.progress import ProgressSink

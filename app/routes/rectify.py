@@ -5,19 +5,19 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
-from app.callers import caller_of
-from app.camera_memory import keep_cameras, known_cameras
-from app.form_parts import FormRoute
+from app.access.callers import caller_of
+from app.http.form_parts import FormRoute
+from app.http.known_options import known_parts, with_format
+from app.http.ocr_languages import chosen_language
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.kept_pages import keep_photos
-from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
-from app.routes.ocr_languages import chosen_language
 from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
 from app.routes.pages_in_time import flatten_pages
-from app.routes.state import State
 from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
+from app.state import State
+from app.storage.camera_memory import keep_cameras, known_cameras
 from services.contract.images import Encoding
 from services.errors import InvalidOption
 from services.progress import ProgressSink

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from app.decisions import (
+from app.review.decisions import (
     CANDIDATES,
     CERTAINTY,
     decide,

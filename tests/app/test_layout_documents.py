@@ -7,8 +7,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.layout_store import DATABASE
 from app.schemas.layout import DocumentResult
+from app.storage.layout_store import DATABASE
 from models.repository import Store
 from services.contract.layout import DocumentReply, LayoutReply
 from tests.app.pools import named
@@ -253,7 +253,7 @@ def test_a_document_with_pictures_that_are_gone(
     path = f"/layout/results/{document['id']}"
     shown = f"2 zones, {PICTURE_BYTES} bytes, {{}}"
     assert client.get(path, params={"format": "html"}).text == f"{shown} | {shown}"
-    monkeypatch.setattr("app.kept_images.KeptImages._key", lambda *_: "nowhere")
+    monkeypatch.setattr("app.storage.kept_images.KeptImages._key", lambda *_: "nowhere")
     gone = shown.replace(f"{PICTURE_BYTES} bytes", "0 bytes")
     assert client.get(path, params={"format": "html"}).text == f"{gone} | {gone}"
 

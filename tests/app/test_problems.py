@@ -10,8 +10,8 @@ from starlette.exceptions import HTTPException
 
 import app
 import services
-from app.preconditions import PreconditionFailed
-from app.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
+from app.http.preconditions import PreconditionFailed
+from app.http.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
 from models.errors import NotFound, StoreError, VersionConflict
 from services.errors import DocumentError, InvalidOption
 from tests.app.pools import named

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.representations import (
+from app.http.representations import (
     MEDIA_TYPES,
     MediaRange,
     choose_format,

@@ -10,7 +10,7 @@ import pytest
 from alembic import command
 from sqlalchemy import Engine, MetaData, Table, select
 
-from app.decisions import place_in_queue
+from app.review.decisions import place_in_queue
 from benchmarks.common.postgresql import Cluster
 from benchmarks.upgrade import ANSWERS, DATABASE
 from models import session

@@ -13,7 +13,7 @@ import pypdfium2
 import pytest
 from PIL import Image
 
-from app.representations import image_headers
+from app.http.representations import image_headers
 from services.contract.images import DocumentLimits, Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NotAcceptable, NotDoneInTime, NoText, TooLarge, UndecodableImage

@@ -1,0 +1,1 @@
+"""Learning from people: feedback and its undo, lessons, samples and their locks."""
