@@ -5,7 +5,7 @@ import io
 import json
 import math
 import pickle
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from services.contract.images import Encoding, ImageLimits
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NoText, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.operations import rectify as rectify_operation
+from services.operations.page_bundle import KEPT_OPTIONS
 from services.progress import progress_to, report_progress
 from services.sheet.surfaces import MeshSurface
 from tests.services.imaging.files import make_exif, make_file
@@ -28,6 +29,24 @@ from tests.services.operations.single_uploads import rectify_upload
 LIMITS = ImageLimits()
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
 PARAMETERS = RectifyParameters(kind="planar", upright=False)
+OF_ONE_ANSWER = {
+    "region",
+    "pages",
+    "on_no_text",
+    "text",
+    "preview",
+    "cameras",
+    "corners",
+    "rotate",
+    "keep_photo",
+}
+"""Options of a request that a kept page is not analysed by again."""
+
+
+def test_every_option_is_kept_with_a_page_or_of_one_answer() -> None:
+    options = {field.name for field in fields(RectifyParameters)}
+    assert options == {*KEPT_OPTIONS, *OF_ONE_ANSWER}
+    assert OF_ONE_ANSWER.isdisjoint(KEPT_OPTIONS)
 
 
 def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
