@@ -1,4 +1,8 @@
-"""Request bodies: admission before they are read, limits while they are read, refusals that clients can read."""
+"""Request bodies: admission before they are read, limits while they are read, refusals that clients can read.
+
+Queue, length and keys are judged from the headers. Then the body is spooled, and the request takes a seat in the engine
+when all of it is there. Limits of size and time may differ from path to path; a refusal names its setting.
+"""
 
 import asyncio
 import time

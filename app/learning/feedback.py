@@ -1,13 +1,14 @@
 """The path of a feedback, from the request to new versions of the models that it concerns.
 
-1. `routes.layout_feedback` reads the body and calls `learn_from_feedback`. A repeated feedback gets its earlier answer.
-2. `routes.given_feedback` joins the kept result and the body: the verified page. Zones and texts of the person replace
+1. `app.routes.layout_feedback` reads the body and calls `learn_from_feedback`. A repeated feedback gets its earlier
+   answer.
+2. `given_feedback` joins the kept result and the body: the verified page. Zones and texts of the person replace
    its own; what the body leaves out stays as the result shows it, so that a second feedback goes on from the first.
-3. `_learn_once`, under a lock for each model concerned, takes earlier feedback on the same result back
-   (`routes.feedback_undo`), and reads the newest versions of the found and the verified class.
+3. `_learn_once`, under a lock for each model concerned, takes earlier feedback on the same result back (`undo`), and
+   reads the newest versions of the found and the verified class.
 4. A worker runs `services.operations.layout_learning.adapt_models`: it reads the documents, the models learn in
    `services.layout.learning.feedback.adapt_models`, and their new documents come back. A class that has samples and no
-   version gets its first one, from the samples and this page (`routes.lessons`).
+   version gets its first one, from the samples and this page (`lessons`).
 5. A worker makes the result of the verified page (`services.operations.corrected_result`), which every representation
    shows from now on.
 6. One transaction (`Store.add_feedback`) writes the new versions, the sample, the result and the feedback, if no model

@@ -12,7 +12,6 @@ from app.engine.base import Busy
 from app.interprocess_lock import InterprocessLock
 
 PATIENCE_S = 2.0
-"""Seconds to wait for other processes, which need some 50 ms each; then a task continues without their lock."""
 """Longest wait for other processes, seconds; each needs about 50 ms. Then the task continues without their lock."""
 
 

@@ -2,7 +2,7 @@
 
 The worker writes every page that is done to a file. Where the file does not grow for as long as one photo may take,
 the worker is stopped, and another one goes on with the page behind. When the time of all pages ends, another one binds
-those that are done.
+those that are done. A document of `/layout` has one time for all: its class follows from all of its pages.
 """
 
 import asyncio
