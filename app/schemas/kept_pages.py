@@ -5,7 +5,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from app.schemas.options import FORMAT, EmbedFormat, MaxPixels, Quality
-from app.schemas.page import Point
+from services.contract.answers.page import Point
 from services.contract.images import PdfVersion
 from services.contract.kept_pages import MOST_BOUND_PAGES, PageWish
 from services.contract.rectify import MOST_MARGIN, Crop, Illumination, Rotation

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from services.arrays import Floats, Points
+from services.contract.answers.rectify import RectifyResult
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.kept_pages import KeptPage, PageWish, RenderedPage
 from services.contract.rectify import Crop, RectifyParameters
@@ -53,7 +54,7 @@ def render_kept_page(kept: KeptPage, wish: PageWish, encoding: Encoding) -> tupl
     else:
         page, source = draw_kept(kept, bundle, wish, encoding, timings_ms)
         changed = RenderedPage(_wished(kept.document, wish))
-    reply = make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms)
+    reply = make_reply(page.image, page.answer, page.source(source), encoding, timings_ms)
     return reply, changed
 
 
@@ -164,8 +165,8 @@ def _wished(document: Mapping[str, Any], wish: PageWish) -> dict[str, Any]:
 
 def _described(
     document: Mapping[str, Any], shape: tuple[int, ...], mesh: Floats, turn: int, dpi: float | None
-) -> dict[str, object]:
-    """The `RectifyResult` of a later answer without timings and picture: sizes, mesh and turn are its own."""
+) -> RectifyResult:
+    """The later answer without timings and picture: sizes, mesh and turn are its own."""
     answer, stretch = document["answer"], np.array(document["stretch"])
     orientation = {
         **answer["orientation"],
@@ -180,8 +181,7 @@ def _described(
         if quarters % 2:
             page["width_mm"], page["height_mm"] = page["height_mm"], page["width_mm"]
             page["aspect"] = page["aspect"] and rounded(1 / page["aspect"])
-    return {
-        **answer,
+    changed = {
         "orientation": orientation,
         "corners": corners,
         "page": page,
@@ -190,9 +190,11 @@ def _described(
         "mesh": {
             "rows": mesh.shape[0],
             "columns": mesh.shape[1],
-            "source": np.round(to_resized(mesh, 1 / stretch), 3),
+            "source": np.round(to_resized(mesh, 1 / stretch), 3).tolist(),
         },
+        "timings_ms": {},
     }
+    return RectifyResult.model_validate({**answer, **changed})
 
 
 def _places(view: PlannedView, turned: Frame, turn: int, mirrored: bool, wide: Frame) -> Points | None:

@@ -52,6 +52,7 @@ from services.operations.rectify import describe_flat_page
 from services.operations.replies import (
     ENCODING_BEGINS,
     describe_orientation,
+    describe_timings,
     describe_warnings,
     timed,
     to_json_ready,
@@ -167,9 +168,11 @@ def describe_page(
     document["language"] = (options.language or default_language()) if was_read else None
     document["page"] = measured.flat
     turned = measured.orientation
-    document["orientation"] = None if turned is None else describe_orientation(turned, turned.rotation_deg)
+    document["orientation"] = (
+        None if turned is None else describe_orientation(turned, turned.rotation_deg).model_dump(mode="json")
+    )
     document["image"] = None if measured.kept is None else measured.kept.describe()
-    document["warnings"] = describe_warnings(measured.notices)
+    document["warnings"] = [each.model_dump() for each in describe_warnings(measured.notices)]
     ready: dict[str, object] = to_json_ready(document)
     return ready
 
@@ -190,11 +193,6 @@ def _models_of(placed: PageInDocument, models: Sequence[ModelDocument]) -> list[
     chosen = placed.recognition.chosen or (classes[0] if classes else None)
     names = (placed.document_class, None if chosen is None else chosen.name)
     return [model for name in names for model in models if model.name == name]
-
-
-def describe_timings(timings_ms: Mapping[str, float]) -> dict[str, float]:
-    """The `timings_ms` of the HTTP contract."""
-    return {stage: round(value, 1) for stage, value in timings_ms.items()}
 
 
 def measure_page(
@@ -223,7 +221,7 @@ def measure_page(
             with progress_within(0.05, FLATTENED):
                 reader = ocr_engine(options.language)
                 flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.is_document)
-            described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
+            described = describe_flat_page(flat, (picture.shape[1], picture.shape[0])).model_dump(mode="json")
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms
             seen = FLATTENED

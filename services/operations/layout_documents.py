@@ -30,7 +30,6 @@ from services.operations.layout import (
     MATCHING_BEGINS,
     MeasuredPage,
     describe_page,
-    describe_timings,
     elements_of,
     measure_page,
     recognize_picture,
@@ -41,7 +40,13 @@ from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_classes
 from services.operations.page_reading import check_installed
 from services.operations.reader import ocr_engine
-from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
+from services.operations.replies import (
+    ENCODING_BEGINS,
+    describe_timings,
+    describe_warnings,
+    timed,
+    to_json_ready,
+)
 from services.operations.stored_models import open_models
 from services.progress import progress_within, report_progress
 
@@ -156,7 +161,7 @@ def _recognize_pages(
     for stage in dict.fromkeys(stage for timings in page_timings for stage in timings):
         timings_ms[stage] = sum(timings.get(stage, 0.0) for timings in page_timings)
     document = describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability)
-    document["warnings"] = describe_warnings(_notices(recognition))
+    document["warnings"] = [each.model_dump() for each in describe_warnings(_notices(recognition))]
     document["timings_ms"] = describe_timings(timings_ms)
     pages = [
         DocumentPage(

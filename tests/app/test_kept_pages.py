@@ -13,7 +13,7 @@ import pikepdf
 import pytest
 from PIL import Image
 
-from app.schemas.rectify import RectifyResult
+from services.contract.answers.rectify import RectifyResult
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_layout_images import files_in
