@@ -33,6 +33,8 @@ from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.held_corners import with_margin
 from services.rectify.view.view_plan import PlannedView, unpack_plan
 
+TURNED_SINCE = " The page was turned by a quarter since then."
+"""About the reason of its size, which speaks of the page as it was found."""
 OWN = ImageLimits(max_megapixels=1000.0)
 """Of pictures that this service has made: views may be larger than the photos of a request."""
 
@@ -79,7 +81,7 @@ def show_kept_photo(bundle: bytes, width: int | None) -> bytes:
 
 
 def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPage:
-    """The page between other corners: its shape is found anew in the kept photo."""
+    """The page between other corners, or those that are found: its shape is found anew in the kept photo."""
     options = dict(kept.document["options"])
     for name in ("margin", "illumination", "crop"):
         said = getattr(wish, name) or kept.document["wish"].get(name)
@@ -88,9 +90,10 @@ def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPag
     turn = wish.rotate if isinstance(wish.rotate, int) else None
     asked = RectifyParameters(
         **options,
-        corners=(wish.corners,),
+        corners=(None if wish.corners == "auto" else wish.corners,),
         rotate=(turn,),
         keep_photo=True,
+        on_no_text="keep",
     )
     picture = page_picture(decode_image(bundle.photo, OWN))._replace(
         is_document=kept.document["is_document"], original=bundle.photo
@@ -181,6 +184,7 @@ def _described(
         if quarters % 2:
             page["width_mm"], page["height_mm"] = page["height_mm"], page["width_mm"]
             page["aspect"] = page["aspect"] and rounded(1 / page["aspect"])
+            page["reason"] += TURNED_SINCE
     changed = {
         "orientation": orientation,
         "corners": corners,

@@ -143,7 +143,7 @@ def recognize_picture(
         body = (
             render_html([HtmlPage(document, measured.image, elements_of(placed, models))], options.image_name)
             if options.format == "html"
-            else _encode(recognition, measured.image, options, settings)
+            else _encode(recognition, measured, options, settings)
         )
     document["timings_ms"] = describe_timings(timings_ms)
     page = to_json_ready(page_to_document(recognition.page))
@@ -251,22 +251,25 @@ def _keep(picture: RgbImage, options: LayoutOptions, timings_ms: dict[str, float
         return encode_kept_picture(picture, options.keep_image_bytes)
 
 
-def write_xml(recognition: Recognition, options: LayoutOptions, image_name: str) -> bytes:
-    """The labelled page as a file of PAGE-XML, or of ALTO."""
+def write_xml(
+    recognition: Recognition, options: LayoutOptions, image_name: str, orientation: Orientation | None = None
+) -> bytes:
+    """The labelled page as a file of PAGE-XML, or of ALTO; `orientation` is that of the image."""
     if not options.words:
         zones = (replace(each, zone=replace(each.zone, words=())) for each in recognition.zones)
         recognition = replace(recognition, zones=tuple(zones))
     write = write_alto if options.format == "alto" else write_page_xml
-    return write(recognition, image_name, datetime.now(UTC))
+    turned_deg = 0 if orientation is None else orientation.rotation_deg
+    return write(recognition, image_name, datetime.now(UTC), turned_deg)
 
 
 def _encode(
-    recognition: Recognition, picture: RgbImage | None, options: LayoutOptions, settings: LayoutSettings
+    recognition: Recognition, measured: MeasuredPage, options: LayoutOptions, settings: LayoutSettings
 ) -> bytes:
     if options.format in ("pagexml", "alto"):
-        return write_xml(recognition, options, options.image_name)
+        return write_xml(recognition, options, options.image_name, measured.orientation)
     if options.format == "png":
-        paper = _blank_page(recognition.page, settings) if picture is None else picture
+        paper = _blank_page(recognition.page, settings) if measured.image is None else measured.image
         return encode_image(draw_overlay(paper, recognition), "png")
     return b""
 

@@ -106,6 +106,15 @@ def test_other_corners_are_analysed_and_kept(client: httpx.Client, folder: Path)
     assert client.get(f"{path}/photo", headers=ALICE).status_code == 200
 
 
+def test_corners_that_were_given_can_be_taken_back(client: httpx.Client) -> None:
+    path = keep(client)
+    found = render(client, path, format="json").json()
+    given = render(client, path, corners=[[10, 5], [70, 8], [68, 50], [12, 55]], format="json").json()
+    again = render(client, path, corners="auto", format="json").json()
+    assert given["corners"] != found["corners"] == again["corners"]
+    assert again["mesh"] == found["mesh"]
+
+
 @pytest.mark.parametrize(
     ("body", "field"),
     [
