@@ -112,8 +112,8 @@ ONLY_IN = [
     ("obstore", ("models/",)),
     ("fastapi", ("app/",)),
     ("starlette", ("app/",)),
-    # Of the services only the form of model documents needs it.
-    ("pydantic", ("app/", "services/layout/model/model_document.py")),
+    # Of the services only answers and the form of model documents need it.
+    ("pydantic", ("app/", "services/contract/answers/", "services/layout/model/model_document.py")),
 ]
 
 

@@ -18,8 +18,8 @@ from app.http.paths import PathTemplates
 from app.http.preconditions import PreconditionFailed
 from app.http.transfer import allowed
 from app.schemas.options import WRONG_NUMBER_OF_FILES
-from app.schemas.problem import Problem
 from models.errors import StoreError, StoreUnavailable
+from services.contract.answers.problem import Problem
 from services.errors import DocumentError
 
 log = logging.getLogger(__name__)
@@ -220,9 +220,9 @@ def _problem_of(refusal: Refusal, request_id: str) -> Problem:
     )
 
 
-def described_problem(code: str, detail: str, field: str | None, request_id: str) -> dict[str, object]:
+def described_problem(code: str, detail: str, field: str | None, request_id: str) -> Problem:
     """The problem of a part of the request, for a document that also has what succeeded."""
-    return _problem_of(Refusal(code, detail, field), request_id).model_dump(exclude_none=True)
+    return _problem_of(Refusal(code, detail, field), request_id)
 
 
 def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[str, object]]:

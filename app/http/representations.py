@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast, get_args
 from urllib.parse import quote
 
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.page import Warning
+from services.contract.answers.rectify import FailedPage, PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import AnswerFormat, PagesFormat, SeveralFormat
 from services.contract.layout import DrawnPage
@@ -257,56 +260,47 @@ def file_stem(upload_name: str | None) -> str:
     return stem.rpartition(".")[0] or stem or "page"
 
 
-def image_headers(document: Mapping[str, object]) -> dict[str, str]:
-    """Main values of a result as headers of an image response. `document` is the route's result as JSON.
+def image_headers(answer: RectifyResult | MosaicResult | PagesResult) -> dict[str, str]:
+    """Main values of an answer as headers of a response with its file.
 
     For several pages, each header lists the values of the pages in their order.
     """
-    pages = document.get("pages")
-    if isinstance(pages, list | tuple):
-        return _headers_of_pages(document, pages)
-    headers = {}
-    kind, orientation, unplaced, warnings, timings = (
-        document.get(name) for name in ("kind", "orientation", "unplaced", "warnings", "timings_ms")
-    )
-    if kind is not None:
-        headers["Document-Kind"] = str(kind)
-    if isinstance(orientation, Mapping):
-        headers["Document-Rotation"] = str(orientation["rotation_deg"])
-    if isinstance(unplaced, list | tuple):
-        headers["Document-Unplaced"] = ", ".join(map(str, unplaced))
-    quality = document.get("quality")
-    if isinstance(quality, Mapping):
-        headers["Document-Advice"] = ", ".join(advice["code"] for advice in quality["advice"])
-    if document.get("page_id") is not None:
-        headers["Document-Page-Id"] = str(document["page_id"])
-    return headers | _notices(warnings) | _stages(timings)
+    if isinstance(answer, PagesResult):
+        return _headers_of_pages(answer)
+    headers = {"Document-Rotation": str(answer.orientation.rotation_deg)}
+    if isinstance(answer, MosaicResult):
+        headers["Document-Unplaced"] = ", ".join(map(str, answer.unplaced))
+    else:
+        headers |= _headers_of_page(answer)
+    return headers | _notices(answer.warnings) | _stages(answer.timings_ms)
 
 
-def _headers_of_pages(
-    document: Mapping[str, object], pages: Sequence[Mapping[str, object]]
-) -> dict[str, str]:
-    warnings: list[object] = []
-    flat = [page for page in pages if "problem" not in page]
-    for part in (document, *flat):
-        found = part["warnings"]
-        warnings += found if isinstance(found, list | tuple) else ()
-    each = [image_headers(page) for page in flat]
+def _headers_of_page(page: RectifyResult) -> dict[str, str]:
+    headers: dict[str, str] = {"Document-Kind": page.kind}
+    if page.quality is not None:
+        headers["Document-Advice"] = ", ".join(advice.code for advice in page.quality.advice)
+    if page.page_id is not None:
+        headers["Document-Page-Id"] = page.page_id
+    return headers
+
+
+def _headers_of_pages(answer: PagesResult) -> dict[str, str]:
+    flat = [page for page in answer.pages if isinstance(page, RectifyResult)]
     failed = [
-        f"{number} {problem['code']}"
-        for number, page in enumerate(pages, 1)
-        if isinstance(problem := page.get("problem"), Mapping)
+        f"{number} {page.problem.code}"
+        for number, page in enumerate(answer.pages, 1)
+        if isinstance(page, FailedPage)
     ]
-    headers = (
-        {"Document-Pages": str(len(flat))}
-        | ({"Document-Failed": ", ".join(failed)} if failed else {})
-        | {
-            name: ", ".join(one[name] for one in each if name in one)
-            for name in ("Document-Kind", "Document-Rotation", "Document-Page-Id")
-            if name != "Document-Page-Id" or any(name in one for one in each)
-        }
-    )
-    return headers | _notices(warnings) | _stages(document.get("timings_ms"))
+    ids = [page.page_id for page in flat if page.page_id is not None]
+    headers = {
+        "Document-Pages": str(len(flat)),
+        "Document-Kind": ", ".join(page.kind for page in flat),
+        "Document-Rotation": ", ".join(str(page.orientation.rotation_deg) for page in flat),
+        **({"Document-Failed": ", ".join(failed)} if failed else {}),
+        **({"Document-Page-Id": ", ".join(ids)} if ids else {}),
+    }
+    warnings = [*answer.warnings, *(warning for page in flat for warning in page.warnings)]
+    return headers | _notices(warnings) | _stages(answer.timings_ms)
 
 
 def layout_headers(
@@ -325,19 +319,18 @@ def layout_headers(
     chosen = document.get("class")
     if isinstance(chosen, Mapping):  # a continuation page has its own model; the class is the document's
         headers["Document-Class"] = str(document.get("document_class") or chosen["name"])
-    said = [warning for each in (document, *pages) for warning in cast(list[Any], each.get("warnings") or [])]
-    return headers | _notices(said) | _stages(document.get("timings_ms"))
+    said = [
+        Warning.model_validate(warning)
+        for each in (document, *pages)
+        for warning in cast(list[Any], each.get("warnings") or [])
+    ]
+    return headers | _notices(said) | _stages(cast(Mapping[str, float], document.get("timings_ms") or {}))
 
 
-def _notices(warnings: object) -> dict[str, str]:
-    if not isinstance(warnings, list | tuple):
-        return {}
-    codes = dict.fromkeys(str(warning["code"]) for warning in warnings)  # without repetitions
+def _notices(warnings: Sequence[Warning]) -> dict[str, str]:
+    codes = dict.fromkeys(warning.code for warning in warnings)  # without repetitions
     return {"Document-Warnings": ", ".join(codes)}
 
 
-def _stages(timings_ms: object) -> dict[str, str]:
-    if not isinstance(timings_ms, Mapping):
-        return {}
-    stages = (f"{name};dur={float(ms):.1f}" for name, ms in timings_ms.items())
-    return {"Server-Timing": ", ".join(stages)}
+def _stages(timings_ms: Mapping[str, float]) -> dict[str, str]:
+    return {"Server-Timing": ", ".join(f"{name};dur={ms:.1f}" for name, ms in timings_ms.items())}

@@ -13,7 +13,7 @@ from app.access.authentication import OPEN_PATHS
 from app.http.problems import documented
 from app.openapi.examples import BODY_EXAMPLES, RESPONSE_EXAMPLES
 from app.schemas.layout_samples import PageBody
-from app.schemas.problem import Problem
+from services.contract.answers.problem import Problem
 
 JSON = "application/json"
 FORM = "multipart/form-data"

@@ -30,10 +30,10 @@ from app.schemas.layout_feedback import (
     WrongLabel,
 )
 from app.schemas.layout_models import ModelName
-from app.schemas.page import Warning
 from app.state import State
 from models.errors import ResultNotFound
 from models.feedback_records import FeedbackSummary, StoredFeedback
+from services.contract.answers.page import Warning
 
 router = APIRouter(tags=["layout feedback"])
 

@@ -18,9 +18,9 @@ from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
 from app.routes.model_answers import IdempotencyKey
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
-from app.schemas.page import Warning
 from app.state import State
 from models.records import StoredSample
+from services.contract.answers.page import Warning
 
 router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"], route_class=FormRoute)
 

@@ -16,9 +16,9 @@ from app.jobs.callback_request import parse_callback_url
 from app.jobs.registry import KEY_HEADER, MOST_KEY_CHARACTERS, Repeatable
 from app.jobs.stored_request import RUN, JobRun
 from app.schemas.jobs import JobDelivery, JobLinks, JobStatus
-from app.schemas.problem import Problem
 from app.state import AppState
 from models.job_records import StoredJob
+from services.contract.answers.problem import Problem
 from services.errors import InvalidOption
 from services.progress import ProgressSink
 

@@ -8,8 +8,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from app.schemas.layout_samples import Appearance
 from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch
-from app.schemas.page import Answer, FlatPage, Orientation, Warning
 from app.schemas.review import Decision
+from services.contract.answers.page import Answer, FlatPage, Orientation, Warning
 from services.contract.fields import FieldType, ValueProblem
 from services.contract.layout import LayoutFormat
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from app.schemas.page import Answer, Warning
+from services.contract.answers.page import Answer, Warning
 
 
 class Appearance(BaseModel):

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 
 LONGEST_CLAIM = 64
 

@@ -5,12 +5,12 @@ Photos are flattened also while the store is not available; then nothing is reme
 
 import logging
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable
 
 from app.access.callers import Caller
 from app.storage.layout_store import LayoutStore
 from models.errors import StoreError
+from services.contract.answers.rectify import RectifyResult
 from services.contract.cameras import CameraMemory
 
 log = logging.getLogger(__name__)
@@ -28,9 +28,9 @@ async def known_cameras(store: LayoutStore, caller: Caller, *, is_enabled: bool)
     return tuple(memory for memory, _ in found)
 
 
-async def keep_cameras(store: LayoutStore, caller: Caller, document: Mapping[str, Any]) -> None:
+async def keep_cameras(store: LayoutStore, caller: Caller, pages: Iterable[RectifyResult]) -> None:
     """Keep the focal lengths that the pages of a response show."""
-    seen = seen_cameras(document)
+    seen = seen_cameras(pages)
     if not seen:
         return
     try:
@@ -39,13 +39,13 @@ async def keep_cameras(store: LayoutStore, caller: Caller, document: Mapping[str
         log.warning("cameras could not be kept: %s", error.detail)
 
 
-def seen_cameras(document: Mapping[str, Any]) -> dict[str, list[tuple[float, float]]]:
+def seen_cameras(pages: Iterable[RectifyResult]) -> dict[str, list[tuple[float, float]]]:
     """By the name of a camera: log of the focal length over half the diagonal, and the standard deviation of that."""
     seen: dict[str, list[tuple[float, float]]] = {}
-    for page in document.get("pages") or [document]:
-        camera, photo = page.get("camera") or {}, page.get("photo") or {}
-        focal, deviation = camera.get("page_focal_length_px"), camera.get("page_focal_deviation")
-        if camera.get("name") and focal and deviation is not None:
-            half_diagonal = math.hypot(photo["width"], photo["height"]) / 2
-            seen.setdefault(camera["name"], []).append((math.log(focal / half_diagonal), deviation))
+    for page in pages:
+        name, focal_px = page.camera.name, page.camera.page_focal_length_px
+        deviation = page.camera.page_focal_deviation
+        if name and focal_px and deviation is not None:
+            half_diagonal = math.hypot(page.photo.width, page.photo.height) / 2
+            seen.setdefault(name, []).append((math.log(focal_px / half_diagonal), deviation))
     return seen

@@ -52,6 +52,7 @@ from services.operations.rectify import describe_flat_page
 from services.operations.replies import (
     ENCODING_BEGINS,
     describe_orientation,
+    describe_timings,
     describe_warnings,
     timed,
     to_json_ready,
@@ -142,7 +143,7 @@ def recognize_picture(
         body = (
             render_html([HtmlPage(document, measured.image, elements_of(placed, models))], options.image_name)
             if options.format == "html"
-            else _encode(recognition, measured.image, options, settings)
+            else _encode(recognition, measured, options, settings)
         )
     document["timings_ms"] = describe_timings(timings_ms)
     page = to_json_ready(page_to_document(recognition.page))
@@ -167,9 +168,11 @@ def describe_page(
     document["language"] = (options.language or default_language()) if was_read else None
     document["page"] = measured.flat
     turned = measured.orientation
-    document["orientation"] = None if turned is None else describe_orientation(turned, turned.rotation_deg)
+    document["orientation"] = (
+        None if turned is None else describe_orientation(turned, turned.rotation_deg).model_dump(mode="json")
+    )
     document["image"] = None if measured.kept is None else measured.kept.describe()
-    document["warnings"] = describe_warnings(measured.notices)
+    document["warnings"] = [each.model_dump() for each in describe_warnings(measured.notices)]
     ready: dict[str, object] = to_json_ready(document)
     return ready
 
@@ -190,11 +193,6 @@ def _models_of(placed: PageInDocument, models: Sequence[ModelDocument]) -> list[
     chosen = placed.recognition.chosen or (classes[0] if classes else None)
     names = (placed.document_class, None if chosen is None else chosen.name)
     return [model for name in names for model in models if model.name == name]
-
-
-def describe_timings(timings_ms: Mapping[str, float]) -> dict[str, float]:
-    """The `timings_ms` of the HTTP contract."""
-    return {stage: round(value, 1) for stage, value in timings_ms.items()}
 
 
 def measure_page(
@@ -223,7 +221,7 @@ def measure_page(
             with progress_within(0.05, FLATTENED):
                 reader = ocr_engine(options.language)
                 flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.is_document)
-            described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
+            described = describe_flat_page(flat, (picture.shape[1], picture.shape[0])).model_dump(mode="json")
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms
             seen = FLATTENED
@@ -253,22 +251,25 @@ def _keep(picture: RgbImage, options: LayoutOptions, timings_ms: dict[str, float
         return encode_kept_picture(picture, options.keep_image_bytes)
 
 
-def write_xml(recognition: Recognition, options: LayoutOptions, image_name: str) -> bytes:
-    """The labelled page as a file of PAGE-XML, or of ALTO."""
+def write_xml(
+    recognition: Recognition, options: LayoutOptions, image_name: str, orientation: Orientation | None = None
+) -> bytes:
+    """The labelled page as a file of PAGE-XML, or of ALTO; `orientation` is that of the image."""
     if not options.words:
         zones = (replace(each, zone=replace(each.zone, words=())) for each in recognition.zones)
         recognition = replace(recognition, zones=tuple(zones))
     write = write_alto if options.format == "alto" else write_page_xml
-    return write(recognition, image_name, datetime.now(UTC))
+    turned_deg = 0 if orientation is None else orientation.rotation_deg
+    return write(recognition, image_name, datetime.now(UTC), turned_deg)
 
 
 def _encode(
-    recognition: Recognition, picture: RgbImage | None, options: LayoutOptions, settings: LayoutSettings
+    recognition: Recognition, measured: MeasuredPage, options: LayoutOptions, settings: LayoutSettings
 ) -> bytes:
     if options.format in ("pagexml", "alto"):
-        return write_xml(recognition, options, options.image_name)
+        return write_xml(recognition, options, options.image_name, measured.orientation)
     if options.format == "png":
-        paper = _blank_page(recognition.page, settings) if picture is None else picture
+        paper = _blank_page(recognition.page, settings) if measured.image is None else measured.image
         return encode_image(draw_overlay(paper, recognition), "png")
     return b""
 

@@ -23,6 +23,7 @@ from services.operations.layout import write_xml
 from services.operations.layout_documents import ARCHIVE, zip_files
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.page_zones import read_kept_page
+from services.rectify.results import Orientation
 
 
 def render_results(
@@ -50,7 +51,10 @@ def render_results(
         body = encode_image(draw_overlay(picture, recognition), "png")
         return RenderedResults(body, MEDIA_TYPES[format], DrawnPage(*place_of_page(recognition)))
     options = LayoutOptions(format=format, words=True)
-    files = [write_xml(each, options, page.name) for each, page in zip(recognized, pages, strict=True)]
+    files = [
+        write_xml(each, options, page.name, _orientation(page.document))
+        for each, page in zip(recognized, pages, strict=True)
+    ]
     if len(files) == 1:
         return RenderedResults(files[0], MEDIA_TYPES[format])
     return RenderedResults(zip_files(files), ARCHIVE)
@@ -74,6 +78,11 @@ def _recognition(kept: KeptResult, settings: LayoutSettings) -> Recognition:
     # Where the class is sure, a person has named it: what was compared says nothing any more.
     classes = (chosen,) if chosen and chosen.probability >= 1.0 else tuple(map(_match, result["classes"]))
     return Recognition(page, zones, chosen, classes, result["unknown_probability"])
+
+
+def _orientation(result: Mapping[str, Any]) -> Orientation | None:
+    turned = result.get("orientation")
+    return turned and Orientation(turned["rotation_deg"], turned["mirrored"], turned["confidence"])
 
 
 def _word(word: Mapping[str, Any]) -> ReadWord:

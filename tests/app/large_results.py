@@ -5,6 +5,8 @@ import json
 from dataclasses import replace
 from typing import Any
 
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import DocumentLimits, Encoding, PageReply
 from services.contract.layout import (
     DocumentPage,
@@ -63,8 +65,9 @@ def rectify(
     """As many pages as there are uploads, each with a mesh; a single one with its image."""
     image = base64.b64encode(bytes(_IMAGE_BYTES)).decode() if len(uploads) == 1 else None
     mesh = _mesh("source")
-    pages = [{**rectified_document(parameters, encoding, image), "mesh": mesh} for _ in uploads]
-    whole: dict[str, object] = {"pages": pages, "warnings": [], "timings_ms": {}}
+    document = {**rectified_document(parameters, encoding, image), "mesh": mesh}
+    pages = [RectifyResult.model_validate(document) for _ in uploads]
+    whole = PagesResult(pages=[*pages], warnings=[], timings_ms={})
     return PageReply(b"", "application/json", whole if len(uploads) > 1 else pages[0])
 
 
@@ -74,7 +77,8 @@ def mosaic(
     """A mosaic with a mesh of each photo, and its image."""
     document = mosaic_document(len(uploads), {}, base64.b64encode(bytes(_IMAGE_BYTES)).decode())
     placed = {"placed": True, "mesh": _mesh("target"), "scale": 1.25, "sharpness": 1.0}
-    return PageReply(b"", "application/json", {**document, "patches": [placed] * len(uploads)})
+    answer = MosaicResult.model_validate({**document, "patches": [placed] * len(uploads)})
+    return PageReply(b"", "application/json", answer)
 
 
 def recognize_layout(

@@ -13,7 +13,7 @@ import pikepdf
 import pytest
 from PIL import Image
 
-from app.schemas.rectify import RectifyResult
+from services.contract.answers.rectify import RectifyResult
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_layout_images import files_in
@@ -104,6 +104,15 @@ def test_other_corners_are_analysed_and_kept(client: httpx.Client, folder: Path)
     assert again["corners"] == corners[2:] + corners[:2]
     assert [name for name in files_in(folder) if name.isdigit()], "the photo is still there"
     assert client.get(f"{path}/photo", headers=ALICE).status_code == 200
+
+
+def test_corners_that_were_given_can_be_taken_back(client: httpx.Client) -> None:
+    path = keep(client)
+    found = render(client, path, format="json").json()
+    given = render(client, path, corners=[[10, 5], [70, 8], [68, 50], [12, 55]], format="json").json()
+    again = render(client, path, corners="auto", format="json").json()
+    assert given["corners"] != found["corners"] == again["corners"]
+    assert again["mesh"] == found["mesh"]
 
 
 @pytest.mark.parametrize(

@@ -118,9 +118,9 @@ def test_a_result_that_breaks_the_contract_is_a_defect_of_ours() -> None:
 
 
 def rectify_to_nonsense(*arguments: object) -> object:
-    from services.contract.images import PageReply
+    from services.contract.answers.rectify import RectifyResult
 
-    return PageReply(b"", "application/json", {"kind": "round"})
+    return RectifyResult.model_validate({"kind": "round"})
 
 
 def all_errors() -> list[type[DocumentError | StoreError]]:

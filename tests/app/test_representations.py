@@ -14,8 +14,13 @@ from app.http.representations import (
     parse_accept,
     sniff_format,
 )
-from services.contract.images import AnswerFormat, PagesFormat
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.rectify import RectifyResult
+from services.contract.images import AnswerFormat, Encoding, PagesFormat
+from services.contract.rectify import RectifyParameters
 from services.errors import NotAcceptable
+from tests.app.scripted_results import document as rectified_document
+from tests.app.scripted_results import mosaic_document
 
 
 @pytest.mark.parametrize(
@@ -111,16 +116,12 @@ def test_what_is_not_known_is_left_to_the_decoder(head: bytes) -> None:
     assert sniff_format(head) is None
 
 
-def test_headers_of_a_result_without_warnings() -> None:
-    document = {
-        "kind": "planar",
-        "orientation": {"rotation_deg": 0},
-        "warnings": [],
-        "timings_ms": {"texture_flow": 1.0},
-    }
-    assert image_headers(document) == {
+def test_headers_of_a_page_without_warnings() -> None:
+    page = rectified_document(RectifyParameters(), Encoding(), None)
+    answer = RectifyResult.model_validate({**page, "warnings": [], "timings_ms": {"texture_flow": 1.0}})
+    assert image_headers(answer) == {
         "Document-Kind": "planar",
-        "Document-Rotation": "0",
+        "Document-Rotation": "180",
         "Document-Warnings": "",
         "Server-Timing": "texture_flow;dur=1.0",
     }
@@ -128,19 +129,19 @@ def test_headers_of_a_result_without_warnings() -> None:
 
 def test_headers_of_a_mosaic() -> None:
     warnings = [{"code": code, "detail": ""} for code in ("unplaced", "curved-page", "unplaced")]
-    assert image_headers({"unplaced": [0, 12], "warnings": warnings}) == {
-        "Document-Unplaced": "0, 12",
-        "Document-Warnings": "unplaced, curved-page",
-    }
-    assert image_headers({"unplaced": []}) == {"Document-Unplaced": ""}
+    document = mosaic_document(2, {}, None) | {"unplaced": [0, 12], "warnings": warnings}
+    headers = image_headers(MosaicResult.model_validate(document))
+    assert headers["Document-Unplaced"] == "0, 12"
+    assert headers["Document-Warnings"] == "unplaced, curved-page"
+    assert "Document-Kind" not in headers
 
 
 def test_warnings_of_a_document_are_those_of_all_its_pages() -> None:
     said = [
-        {"warnings": [{"code": "page-turned"}]},
+        {"warnings": [{"code": "page-turned", "detail": ""}]},
         {"warnings": []},
-        {"warnings": [{"code": "page-turned"}]},
+        {"warnings": [{"code": "page-turned", "detail": ""}]},
     ]
-    document = {"class": None, "warnings": [{"code": "unlike-page"}]}
+    document = {"class": None, "warnings": [{"code": "unlike-page", "detail": ""}]}
     assert layout_headers(document, pages=said)["Document-Warnings"] == "unlike-page, page-turned"
     assert layout_headers({"class": None, "warnings": []})["Document-Warnings"] == ""

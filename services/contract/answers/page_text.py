@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from app.schemas.page import Answer, Point
+from services.contract.answers.page import Answer, Point
 
 
 class PageWord(Answer):

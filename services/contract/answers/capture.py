@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 
 
 class TextHeight(Answer):
