@@ -34,7 +34,8 @@ def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
         found.append(
             Advice(
                 code="show-all-text",
-                detail=f"{share} % of the text is cut off or seen too obliquely: take the whole page into view, from above.",
+                detail=f"{share} % of the text is cut off or seen too obliquely: take the whole page into view, "
+                "from above.",
             )
         )
     if quality.text_height_min_px < p.least_height_px:
