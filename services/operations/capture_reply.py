@@ -10,7 +10,7 @@ from services.arrays import RgbImage
 from services.capture.advice import advise
 from services.capture.quality import measure_quality
 from services.capture.readability import predict_character_error, predict_error_of_reading
-from services.contract.answers.capture import Advice, Quality, TextHeight
+from services.contract.answers.capture import Quality, TextHeight
 from services.imaging.channels import luminance
 from services.ocr.engine import Word
 from services.rectify.results import RectifyResult
@@ -53,5 +53,5 @@ def describe_quality(
         line_tilt_deg=round(math.degrees(quality.line_tilt_rad), 2),
         predicted_character_error=round(error, 4),
         predicted_from=source,
-        advice=[Advice(code=each.code, detail=each.detail) for each in advise(quality)],
+        advice=list(advise(quality)),
     )
