@@ -31,7 +31,9 @@ def code() -> tuple[frozenset[str], frozenset[str]]:
     """The names of all files of the code, and all words in them."""
     folders = ("app", "services", "models", "benchmarks", "tests")
     paths = [path for folder in folders for path in (ROOT / folder).rglob("*.py") if path != Path(__file__)]
-    words = {word for path in paths for word in re.findall(r"(?<=\")[a-z]+-[a-z-]+|\w+", path.read_text("utf-8"))}
+    words = {
+        word for path in paths for word in re.findall(r"(?<=\")[a-z]+-[a-z-]+|\w+", path.read_text("utf-8"))
+    }
     return frozenset(path.name for path in paths), frozenset(words)
 
 
