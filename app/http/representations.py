@@ -1,11 +1,12 @@
 """Format of a response, from `Accept` and the form field `format`."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar, cast, get_args
+from typing import TypeVar, get_args
 from urllib.parse import quote
 
+from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.page import Warning
 from services.contract.answers.rectify import FailedPage, PagesResult, RectifyResult
@@ -303,28 +304,21 @@ def _headers_of_pages(answer: PagesResult) -> dict[str, str]:
     return headers | _notices(warnings) | _stages(answer.timings_ms)
 
 
-def layout_headers(
-    document: Mapping[str, object],
-    drawn: DrawnPage | None = None,
-    pages: Iterable[Mapping[str, object]] = (),
-) -> dict[str, str]:
-    """Main values of a result of /layout as headers of any response; `drawn` is the place of the page in a picture.
+def layout_headers(answer: LayoutResult | DocumentResult, drawn: DrawnPage | None = None) -> dict[str, str]:
+    """Main values of an answer of /layout as headers of any response; `drawn` is the place of the page in a picture.
 
-    The warnings are those of the document and of all its `pages`.
+    The warnings are those of the document and of all its pages.
     """
     headers = {"Vary": "Accept"}
     if drawn is not None:
         headers["Document-Scale"] = f"{drawn.scale_x:.6g}, {drawn.scale_y:.6g}"
         headers["Document-Offset"] = f"{drawn.left}, {drawn.top}"
-    chosen = document.get("class")
-    if isinstance(chosen, Mapping):  # a continuation page has its own model; the class is the document's
-        headers["Document-Class"] = str(document.get("document_class") or chosen["name"])
-    said = [
-        Warning.model_validate(warning)
-        for each in (document, *pages)
-        for warning in cast(list[Any], each.get("warnings") or [])
-    ]
-    return headers | _notices(said) | _stages(cast(Mapping[str, float], document.get("timings_ms") or {}))
+    pages: Sequence[LayoutResult] = answer.pages if isinstance(answer, DocumentResult) else ()
+    if answer.class_ is not None:  # a continuation page has its own model; the class is the document's
+        of_page = answer.document_class if isinstance(answer, LayoutResult) else None
+        headers["Document-Class"] = of_page or answer.class_.name
+    said = [*answer.warnings, *(warning for page in pages for warning in page.warnings)]
+    return headers | _notices(said) | _stages(answer.timings_ms)
 
 
 def _notices(warnings: Sequence[Warning]) -> dict[str, str]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from app.learning.labelled_pages import layout_settings
 from app.review.decisions import verdicts_of
+from app.schemas.layout import known_result
 from app.schemas.layout_feedback import FeedbackBody
 from app.state import AppState
 from models.records import RECOGNIZED, recognized
@@ -61,7 +62,8 @@ class GivenFeedback:
         kept = {str(zone["id"]) for zone in verified.page["zones"]}
         wrong = {str(each["zone"]) for each in adaptation.wrong}
         class_is_right = verified.found_class == verified.verified_class
-        return verdicts_of(self.recognized["result"], wrong, kept, class_is_right=class_is_right)
+        result = known_result(self.recognized["result"])
+        return [] if result is None else verdicts_of(result, wrong, kept, class_is_right=class_is_right)
 
 
 async def given_feedback(

@@ -9,10 +9,12 @@ where errors of one page belong together the true certainty is lower. A class wi
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal
 
+from app.schemas.layout import known_result
 from models.records import ReviewDraft
+from services.contract.answers.layout import Decision, DecisionReason, LayoutResult
 
 CERTAINTY = 0.95
 CANDIDATES = (0.999, 0.99, 0.97, 0.9, 0.8, 0.5, 0.0)
@@ -22,15 +24,6 @@ EVIDENCE = 400
 
 Verdict = tuple[str | None, float, bool]
 """Found label of a zone, its confidence, and whether a person found it right."""
-
-
-@dataclass(frozen=True, slots=True)
-class Decision:
-    """`action` is accept or review; each reason has a code, a sentence and the zones that it is about."""
-
-    action: str
-    tolerated_error: float
-    reasons: tuple[dict[str, Any], ...] = ()
 
 
 def read_tolerated_errors(text: str) -> dict[str, float]:
@@ -84,34 +77,34 @@ def _is_shown(verdicts: Sequence[Verdict], candidate: float, tolerated: float, c
     return wrong < len(chosen) and _at_most(wrong, len(chosen), tolerated) <= 1.0 - certainty
 
 
-def joint_confidences(result: Mapping[str, Any]) -> dict[str, float]:
+def joint_confidences(result: LayoutResult) -> dict[str, float]:
     """Probability that class and label of each zone are right, by the zone's id; 0 without a class."""
-    sure = result["class"]["probability"] if result.get("class") else 0.0
-    return {zone["id"]: sure * zone["confidence"] for zone in result["zones"]}
+    sure = result.class_.probability if result.class_ else 0.0
+    return {zone.id: sure * zone.confidence for zone in result.zones}
 
 
 def verdicts_of(
-    result: Mapping[str, Any], wrong: Collection[str], kept: Collection[str], *, class_is_right: bool
+    result: LayoutResult, wrong: Collection[str], kept: Collection[str], *, class_is_right: bool
 ) -> list[list[Any]]:
     """What a feedback says of the zones of a result, for later decisions.
 
     `wrong` are ids of zones with a wrong label, `kept` those of the zones that the person did not delete.
     """
-    if not result.get("class"):
+    if result.class_ is None:
         return []
     confidences = joint_confidences(result)
     return [
         [
-            zone["label"],
-            round(confidences[zone["id"]], 5),
-            class_is_right and zone["id"] in kept and zone["id"] not in wrong,
+            zone.label,
+            round(confidences[zone.id], 5),
+            class_is_right and zone.id in kept and zone.id not in wrong,
         ]
-        for zone in result["zones"]
+        for zone in result.zones
     ]
 
 
 def decide(
-    result: Mapping[str, Any], verdicts: Sequence[Verdict], tolerated: Mapping[str | None, float]
+    result: LayoutResult, verdicts: Sequence[Verdict], tolerated: Mapping[str | None, float]
 ) -> Decision:
     """Whether a page may go through.
 
@@ -125,9 +118,10 @@ def decide(
         Tolerated error of the class, under None, and of labels that have one of their own.
     """
     stated = tolerated[None]
-    if not result.get("class"):
+    if result.class_ is None:
         detail = "No class fits this page. Give it its class."
-        return Decision("review", stated, ({"code": "no-class", "detail": detail, "zones": []},))
+        reasons = [DecisionReason(code="no-class", detail=detail, zones=[])]
+        return Decision(action="review", tolerated_error=stated, reasons=reasons)
     thresholds = {
         label: threshold_of(
             verdicts if label is None else [one for one in verdicts if one[0] == label], error
@@ -136,21 +130,22 @@ def decide(
     }
     confidences = joint_confidences(result)
     unknown, unsure = [], []
-    for zone in result["zones"]:
-        threshold = thresholds.get(zone["label"], thresholds[None])
+    for zone in result.zones:
+        threshold = thresholds.get(zone.label, thresholds[None])
         if threshold is None:
-            unknown.append(zone["id"])
-        elif confidences[zone["id"]] < threshold:
-            unsure.append(zone["id"])
-    name = result["class"]["name"]
+            unknown.append(zone.id)
+        elif confidences[zone.id] < threshold:
+            unsure.append(zone.id)
+    name = result.class_.name
     reasons = []
     if unknown:
         detail = f"There is too little feedback on {name} to show an error of at most {stated:g}. Confirm pages of it."
-        reasons.append({"code": "no-evidence", "detail": detail, "zones": unknown})
+        reasons.append(DecisionReason(code="no-evidence", detail=detail, zones=unknown))
     if unsure:
         detail = f"Of zones as unsure as these, more than {stated:g} may be wrong."
-        reasons.append({"code": "unsure", "detail": detail, "zones": unsure})
-    return Decision("review" if reasons else "accept", stated, tuple(reasons))
+        reasons.append(DecisionReason(code="unsure", detail=detail, zones=unsure))
+    action: Literal["accept", "review"] = "review" if reasons else "accept"
+    return Decision(action=action, tolerated_error=stated, reasons=reasons)
 
 
 def expected_wrong_zones(confidences: Collection[float]) -> float:
@@ -158,20 +153,29 @@ def expected_wrong_zones(confidences: Collection[float]) -> float:
     return math.fsum(1.0 - confidence for confidence in confidences)
 
 
-def place_in_queue(result: Mapping[str, Any]) -> ReviewDraft:
+def place_in_queue(result: LayoutResult) -> ReviewDraft:
     """What the queue is ordered by, for a result with its decision; a page without one is reviewed."""
     confidences = joint_confidences(result).values()
     return ReviewDraft(
         gain=expected_wrong_zones(confidences),
         confidence=min(confidences, default=0.0),
-        class_name=result["class"]["name"] if result.get("class") else None,
-        model_version=result["class"]["model_version"] if result.get("class") else None,
-        zones=len(result["zones"]),
-        decision=(result.get("decision") or {"action": "review"})["action"],
-        has_image=result.get("image") is not None,
+        class_name=result.class_.name if result.class_ else None,
+        model_version=result.class_.model_version if result.class_ else None,
+        zones=len(result.zones),
+        decision=result.decision.action if result.decision else "review",
+        has_image=result.image is not None,
     )
 
 
+def place_of_stored(result: Mapping[str, Any]) -> ReviewDraft:
+    """The same for a result as the store keeps it; first comes what an old release has stored in another form."""
+    known = known_result(result)
+    if known is None:
+        zones = len(result["zones"])
+        return ReviewDraft(float(zones), confidence=0.0, class_name=None, zones=zones, decision="review")
+    return place_in_queue(known)
+
+
 def place_of_verified(result: Mapping[str, Any]) -> ReviewDraft:
-    """The same for a result that a person has verified: nothing of it is unsure."""
-    return replace(place_in_queue(result), gain=0.0, confidence=1.0)
+    """The same for a stored result that a person has verified: nothing of it is unsure."""
+    return replace(place_of_stored(result), gain=0.0, confidence=1.0)

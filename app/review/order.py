@@ -8,12 +8,12 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
-from dataclasses import asdict
 from typing import Any
 
 from app.engine.base import Engine
 from app.learning.labelled_pages import layout_settings
-from app.review.decisions import place_in_queue, tolerated_errors_of
+from app.review.decisions import place_of_stored, tolerated_errors_of
+from app.schemas.layout import result_of, stored_form
 from app.settings import Settings
 from app.storage.layout_store import LayoutStore
 from models.errors import StoreError
@@ -91,12 +91,11 @@ class ReviewOrder:
             words,
             whole,
         )
-        again = {**result, **found}
-        name = again["class"]["name"] if again["class"] else "*"
-        decision = await self._store.decision(
-            again, tolerated_errors_of(name, self._settings.tolerated_errors)
-        )
-        return {**document, "result": {**again, "decision": asdict(decision)}}
+        again = result_of({**result, **found}, "")
+        name = again.class_.name if again.class_ else "*"
+        tolerated = tolerated_errors_of(name, self._settings.tolerated_errors)
+        again.decision = await self._store.decision(again, tolerated)
+        return {**document, "result": stored_form(again)}
 
     async def _order_regularly(self) -> None:
         while True:
@@ -122,7 +121,7 @@ class ReviewOrder:
             places = {}
             for result_id, document in behind.items():
                 again = await self.recognize_again(document)
-                places[result_id] = place_in_queue((again or document)["result"])
+                places[result_id] = place_of_stored((again or document)["result"])
             await self._store.call(lambda store, places=places: store.place_reviews(places, version))  # type: ignore[misc]
 
     def _is_worker_free(self) -> bool:

@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field
 
-from app.schemas.layout import LabelField
 from app.schemas.review import ReviewFacts
+from services.contract.answers.layout import LabelField
 from services.contract.answers.page import Answer
 
 ListFormat = Literal["json", "csv", "jsonl"]

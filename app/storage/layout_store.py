@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from app.review.decisions import EVIDENCE, Decision, decide, place_in_queue
+from app.review.decisions import EVIDENCE, decide, place_of_stored
 from app.storage.backup_note import write_note
 from app.storage.probe import Probe
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
+from services.contract.answers.layout import Decision, LayoutResult
 from services.contract.layout import MOST_MODEL_BYTES, ModelDocument
 from services.errors import InvalidOption
 from services.heap import release_freed_memory
@@ -222,11 +223,11 @@ class LayoutStore:
             )
         return documents
 
-    async def decision(self, result: Mapping[str, Any], tolerated: Mapping[str | None, float]) -> Decision:
+    async def decision(self, result: LayoutResult, tolerated: Mapping[str | None, float]) -> Decision:
         """Whether a recognized page may go through without a person, by the feedback on its class so far."""
-        if not result.get("class"):
+        if result.class_ is None:
             return decide(result, (), tolerated)
-        name = result["class"]["name"]
+        name = result.class_.name
         verdicts = await self.call(lambda store: store.verdicts(name, EVIDENCE))
         return await asyncio.to_thread(decide, result, verdicts, tolerated)
 
@@ -261,7 +262,7 @@ class LayoutStore:
     def _draft(self, document: dict[str, Any], owner: str | None) -> ResultDraft:
         unknown = self.unknown_page(document["page"], owner) if _is_unknown(document) else None
         result = document.get("result", {})
-        review = place_in_queue(result) if "zones" in result else None
+        review = place_of_stored(result) if "zones" in result else None
         return ResultDraft(document, unknown, owner, review)
 
     async def _purge_when_due(self, new: int) -> None:
@@ -306,7 +307,7 @@ def _catch_up(store: Store) -> None:
     if store.upgraded_from is None:
         return
     log.info("the database of an older release is up to date", extra={"schema_before": store.upgraded_from})
-    queued = store.queue_results(place_in_queue)
+    queued = store.queue_results(place_of_stored)
     if queued:
         log.info("results of an older release are in the review queue now", extra={"results": queued})
     lessons = store.count_feedback_without_lessons()

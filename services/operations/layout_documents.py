@@ -5,6 +5,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 
+from services.contract.answers.layout import DocumentResult
 from services.contract.layout import (
     MEDIA_TYPES,
     DocumentPage,
@@ -37,7 +38,7 @@ from services.operations.layout import (
     write_xml,
 )
 from services.operations.layout_html import HtmlPage, render_html
-from services.operations.layout_result import describe_classes
+from services.operations.layout_result import describe_class, describe_classes
 from services.operations.page_reading import check_installed
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
@@ -162,20 +163,26 @@ def _recognize_pages(
             body, media_type = _archive(recognition, sources, options, turns), ARCHIVE
     for stage in dict.fromkeys(stage for timings in page_timings for stage in timings):
         timings_ms[stage] = sum(timings.get(stage, 0.0) for timings in page_timings)
-    document = describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability)
-    document["warnings"] = [each.model_dump() for each in describe_warnings(_notices(recognition))]
-    document["timings_ms"] = describe_timings(timings_ms)
+    answer = DocumentResult(
+        id="",
+        class_=describe_class(recognition.chosen),
+        classes=describe_classes(recognition.classes),
+        unknown_probability=round(recognition.unknown_probability, 4),
+        pages=[],
+        warnings=describe_warnings(_notices(recognition)),
+        timings_ms=describe_timings(timings_ms),
+    )
+    for described, timings in zip(documents, page_timings, strict=True):
+        described.timings_ms = describe_timings(timings)
     pages = [
         DocumentPage(
-            {**described, "timings_ms": describe_timings(timings)},
+            described,
             to_json_ready(page_to_document(placed.recognition.page)),
             b"" if measured.kept is None else measured.kept.body,
         )
-        for described, placed, measured, timings in zip(
-            documents, recognition.pages, measured_pages, page_timings, strict=True
-        )
+        for described, placed, measured in zip(documents, recognition.pages, measured_pages, strict=True)
     ]
-    return DocumentReply(body, media_type, to_json_ready(document), pages)
+    return DocumentReply(body, media_type, answer, pages)
 
 
 def _measure(

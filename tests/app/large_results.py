@@ -5,6 +5,8 @@ import json
 from dataclasses import replace
 from typing import Any
 
+from app.schemas.layout import result_of
+from services.contract.answers.layout import DocumentResult
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import DocumentLimits, Encoding, PageReply
@@ -92,10 +94,12 @@ def recognize_layout(
     """A page, or as many as there are images, of many zones with their words."""
     if len(images) < 2:
         page = _recognized(models)
-        return LayoutReply(b"", "application/json", page.document, page.page, b"", None)
+        return LayoutReply(b"", "application/json", page.answer, page.page, b"", None)
     pages = [_recognized(models) for _ in images]
-    names = ("class", "classes", "unknown_probability", "warnings", "timings_ms")
-    return DocumentReply(b"", "application/json", {name: pages[0].document[name] for name in names}, pages)
+    first = pages[0].answer
+    names = ("class_", "classes", "unknown_probability", "warnings", "timings_ms")
+    answer = DocumentResult(id="", pages=[], **{name: getattr(first, name) for name in names})
+    return DocumentReply(b"", "application/json", answer, pages)
 
 
 def _recognized(models: list[ModelDocument]) -> DocumentPage:
@@ -112,7 +116,8 @@ def _recognized(models: list[ModelDocument]) -> DocumentPage:
     shown = document["zones"]
     assert isinstance(shown, list)
     document |= {"zones": [{**zone, "words": words} for zone in shown], "fields": fields}
-    return DocumentPage(json.loads(json.dumps(document)), page, b"")  # pickle would send what is equal once
+    answer = result_of(json.loads(json.dumps(document)), "")  # pickle would send what is equal once
+    return DocumentPage(answer, page, b"")
 
 
 def import_model(name: str, document: bytes) -> ModelDraft:

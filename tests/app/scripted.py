@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from app.schemas.layout_samples import PageBody
 from services import errors
+from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.page import FlatPage, Warning
 from services.contract.answers.rectify import PagesResult, RectifyResult
@@ -245,13 +246,17 @@ def recognize_layout(
         document["page"] = {name: flat[name] for name in FlatPage.model_fields}
     if count < 2 or options.page is not None:
         drawn = DrawnPage(1.5, 1.25, 0, 60) if options.format == "png" else None
-        return LayoutReply(body, media_type, document, page, picture, drawn)
-    whole = {
-        name: document[name] for name in ("class", "classes", "unknown_probability", "warnings", "timings_ms")
-    }
+        return LayoutReply(body, media_type, _result(document), page, picture, drawn)
+    names = ("class", "classes", "unknown_probability", "warnings", "timings_ms")
+    whole = DocumentResult.model_validate({"id": "", "pages": [], **{name: document[name] for name in names}})
     media_type = media_type if options.format in ("json", "html") else "application/zip"
     document |= {"part": "first" if models else None, "document_class": models[0].name if models else None}
-    return DocumentReply(body, media_type, whole, [DocumentPage(document, page, picture)] * count)
+    pages = [DocumentPage(_result(document), page, picture) for _ in range(count)]
+    return DocumentReply(body, media_type, whole, pages)
+
+
+def _result(document: dict[str, Any]) -> LayoutResult:
+    return LayoutResult.model_validate({"id": "", **document})
 
 
 def recognize_again(

@@ -14,13 +14,16 @@ from app.http.representations import (
     parse_accept,
     sniff_format,
 )
+from app.schemas.layout import result_of
+from services.contract.answers.layout import DocumentResult
 from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.page import Warning
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import AnswerFormat, Encoding, PagesFormat
 from services.contract.rectify import RectifyParameters
 from services.errors import NotAcceptable
 from tests.app.scripted_results import document as rectified_document
-from tests.app.scripted_results import mosaic_document
+from tests.app.scripted_results import layout_document, mosaic_document
 
 
 @pytest.mark.parametrize(
@@ -137,11 +140,17 @@ def test_headers_of_a_mosaic() -> None:
 
 
 def test_warnings_of_a_document_are_those_of_all_its_pages() -> None:
-    said = [
-        {"warnings": [{"code": "page-turned", "detail": ""}]},
-        {"warnings": []},
-        {"warnings": [{"code": "page-turned", "detail": ""}]},
-    ]
-    document = {"class": None, "warnings": [{"code": "unlike-page", "detail": ""}]}
-    assert layout_headers(document, pages=said)["Document-Warnings"] == "unlike-page, page-turned"
-    assert layout_headers({"class": None, "warnings": []})["Document-Warnings"] == ""
+    turned = [Warning(code="page-turned", detail="")]
+    page = result_of(layout_document({"width": 9, "height": 9, "zones": []}, [], [], {}), "")
+    pages = [page.model_copy(update={"warnings": said}) for said in (turned, [], turned)]
+    whole = DocumentResult(
+        id="",
+        class_=None,
+        classes=[],
+        unknown_probability=1.0,
+        pages=pages,
+        warnings=[Warning(code="unlike-page", detail="")],
+        timings_ms={},
+    )
+    assert layout_headers(whole)["Document-Warnings"] == "unlike-page, page-turned"
+    assert layout_headers(page)["Document-Warnings"] == ""
