@@ -12,7 +12,7 @@ if __name__ == "__main__":
     if sys.argv[1:] == ["worker"]:
         work()
     elif sys.argv[1:2] == ["remeasure"]:
-        from app.remeasuring import remeasure
+        from app.learning.remeasuring import remeasure
 
         sys.exit(remeasure(sys.argv[2:]))
     elif not sys.argv[1:]:

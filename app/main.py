@@ -22,24 +22,21 @@ from starlette.exceptions import HTTPException
 from starlette.formparsers import MultiPartParser
 
 from app import __version__
-from app.blobs import BlobAccess
-from app.disk_space import DiskSpace
+from app.access.keyring import Keyring
+from app.access.tokens import SECRET, Tokens
 from app.engine.absent import AbsentEngine
 from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
-from app.expiry import deleting_expired
+from app.http.known_options import KnownQueryOptions
+from app.http.middleware import OPENAPI_PATH, add_middleware, methods_of
+from app.http.problems import FrameworkErrors
 from app.interprocess_lock import InterprocessLock
 from app.jobs.service import JobService
-from app.kept_images import KeptImages
-from app.keyring import Keyring
-from app.layout_store import LayoutStore, ResultLimits
+from app.learning.locks import ModelLocks
 from app.logs import configure_logs
 from app.metrics import Metrics
-from app.middleware import OPENAPI_PATH, add_middleware, methods_of
-from app.model_locks import ModelLocks
-from app.openapi import describe
-from app.problems import FrameworkErrors
-from app.review_order import ReviewOrder
+from app.openapi.document import describe
+from app.review.order import ReviewOrder
 from app.roles import InvalidKeys
 from app.routes import (
     audit,
@@ -66,11 +63,14 @@ from app.routes import (
     tokens,
 )
 from app.routes import jobs as job_routes
-from app.routes.known_options import KnownQueryOptions
-from app.routes.state import AppState
 from app.run_folder import run_folder
 from app.settings import Settings
-from app.tokens import SECRET, Tokens
+from app.state import AppState
+from app.storage.blobs import BlobAccess
+from app.storage.disk_space import DiskSpace
+from app.storage.expiry import deleting_expired
+from app.storage.kept_images import KeptImages
+from app.storage.layout_store import LayoutStore, ResultLimits
 from models.repository import Store
 from services.contract.operations import Operations
 from services.heap import keep_few_heaps
@@ -283,7 +283,7 @@ def _check_content_features(path: Path | None) -> None:
 
 
 def _describe(app: FastAPI, settings: Settings) -> None:
-    """Make the OpenAPI document that of `app.openapi`, and serve it: made once, by the first request, in a thread."""
+    """Make the OpenAPI document and serve it: made once, by the first request, in a thread."""
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:

@@ -8,7 +8,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from app.engine.base import EngineStatus, JobRecord
-from app.paths import PathTemplates
+from app.http.paths import PathTemplates
 from app.worker_facts import languages_of
 from models.job_records import QueueStatus
 

@@ -8,8 +8,8 @@ from typing import Annotated, Self
 from pydantic import Field, FilePath, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from app.decisions import read_tolerated_errors
 from app.processors import usable_workers, worker_memory_bytes
+from app.review.decisions import read_tolerated_errors
 from services.contract.images import ImageLimits
 
 MIB = 1024 * 1024

@@ -1,4 +1,9 @@
-"""The store's calls for taking feedback back: what a model learned since, and its versions without a lesson."""
+"""The store's calls for taking feedback back: what a model learned since, and its versions without a lesson.
+
+A feedback keeps its lesson: the page with the labels of all zones, and the learners of that time. A version names the
+one that it was made from (`parent`), and the later one that took something back out of it (`undone_by`), so that no
+later undo starts from it.
+"""
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import asdict, fields

@@ -6,9 +6,14 @@ after another: nothing changes between the reads and the writes of one of them.
 **Versions** of a model are numbered 1, 2, 3, and no number is used twice. Deleting a class deletes its samples and the
 feedback on its pages, since these are personal data, and hides its versions. A new class of the same name continues
 the numbers, and its history shows the earlier versions. So the document of a (name, version) never changes, and
-callers may cache it.
+callers may cache it. Settings of a class are stored apart from its versions: a rollback does not change them.
 
-**Feedback** is written in one transaction with the versions and the sample that follow from it.
+**Feedback** is written in one transaction with the versions, the sample and the result that follow from it, if the
+models still have the versions that it was computed from; else it is `VersionConflict`, and nothing is written. The same
+key, or the same body on the same result, is answered as the first time. Feedback outlives its result. A sample made by
+feedback gives way to a later feedback on the result, and to new ones when the class is full; posted ones stay.
+
+**Unknown pages** are the newest ones for a limited time; one is deleted as soon as feedback names its class.
 
 **The list of changes** gets its entries in the transactions that make the changes, from calls inside of `changes_by`.
 """

@@ -113,8 +113,8 @@ ONLY_IN = [
     ("obstore", ("models/",)),
     ("fastapi", ("app/",)),
     ("starlette", ("app/",)),
-    # Of the services only the form of model documents needs it.
-    ("pydantic", ("app/", "services/layout/model/model_document.py")),
+    # Of the services only answers and the form of model documents need it.
+    ("pydantic", ("app/", "services/contract/answers/", "services/layout/model/model_document.py")),
 ]
 
 
@@ -152,6 +152,22 @@ def test_imports_run_one_way(who: str, forbidden: tuple[str, ...], allowed: tupl
         if within(name, forbidden) and not within(name, allowed)
     ]
     assert wrong == []
+
+
+def test_only_main_imports_routes() -> None:
+    """What routes share with other rooms has a room of its own."""
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in sources("app")
+        for name in imports(path)
+        if within(name, ("app.routes",)) and path.parent.name != "routes" and path.name != "main.py"
+    ]
+    assert wrong == []
+
+
+def test_the_app_has_rooms() -> None:
+    """At most a dozen modules lie in none of them."""
+    assert len(list((ROOT / "app").glob("*.py"))) <= 12
 
 
 def test_the_server_loads_no_arrays() -> None:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from app.problems import STATUS_OF_CODE
+from app.http.problems import STATUS_OF_CODE
 
 ROOT = Path(__file__).parent.parent
 DOCUMENT = (ROOT / "docs" / "api.md").read_text("utf-8")
@@ -23,11 +23,12 @@ def calls(name: str) -> Iterator[ast.Call]:
 
 
 def codes_of(name: str) -> set[str]:
-    """First arguments of these calls; all of them must be written out, or no test could name them."""
+    """First arguments of these calls, or `code`; all of them must be written out, or no test could name them."""
     codes = set()
     for call in calls(name):
-        assert call.args, ast.unparse(call)
-        code = call.args[0]
+        named = [keyword.value for keyword in call.keywords if keyword.arg == "code"]
+        assert call.args or named, ast.unparse(call)
+        code = named[0] if named else call.args[0]
         if isinstance(code, ast.Attribute) and code.attr == "code":
             continue  # a notice that is passed on
         assert isinstance(code, ast.Constant), ast.unparse(call)

@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from standardwebhooks import Webhook
 
 from app.jobs.callback_request import CallbackFailed, CallbackRequest
-from app.layout_store import LayoutStore
+from app.storage.layout_store import LayoutStore
 from models.errors import StoreError
 from models.job_records import Delivery, StoredJob
 from services.errors import InvalidOption

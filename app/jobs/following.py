@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator
 from contextlib import suppress
 
 from app.engine.base import Busy
-from app.layout_store import LayoutStore
+from app.storage.layout_store import LayoutStore
 from models.errors import JobNotFound, StoreError
 from models.job_records import StoredJob
 

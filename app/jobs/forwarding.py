@@ -10,15 +10,15 @@ from fastapi import Request
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.connection import while_connected
 from app.engine.base import Busy
+from app.http.connection import while_connected
+from app.http.paths import PathTemplates
+from app.http.problems import problem_response
+from app.http.upload_places import UploadPlaces
+from app.http.uploads import IS_JOB, ClientGone
+from app.http.wishes import prefers_async
 from app.jobs.registry import KEY_HEADER, JobCancelled, Jobs
 from app.jobs.stored_request import describe_request
-from app.paths import PathTemplates
-from app.problems import problem_response
-from app.upload_places import UploadPlaces
-from app.uploads import IS_JOB, ClientGone
-from app.wishes import prefers_async
 from models.job_records import StoredJob
 
 _IN_MEMORY_BYTES = 256 * 1024

@@ -12,12 +12,12 @@ from typing import Any
 from fastapi import Request
 from starlette.responses import Response
 
-from app.blobs import BlobAccess
 from app.engine.base import Busy
 from app.jobs.answers import failed
 from app.jobs.following import COME_AGAIN_S, Followers
 from app.jobs.stored_request import body_of, describe_request
-from app.layout_store import LayoutStore
+from app.storage.blobs import BlobAccess
+from app.storage.layout_store import LayoutStore
 from models.errors import JobKeyReused, QueueFull, StoreError
 from models.errors import JobNotFound as NoSuchJob
 from models.job_records import (

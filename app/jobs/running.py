@@ -12,12 +12,12 @@ from typing import Any
 from starlette.datastructures import Headers
 from starlette.responses import Response
 
-from app.blobs import BlobAccess
 from app.engine.base import WorkerDied
 from app.jobs.answers import failed, head_of
 from app.jobs.stored_request import JobRun
-from app.layout_store import LayoutStore
 from app.logs import trace_of
+from app.storage.blobs import BlobAccess
+from app.storage.layout_store import LayoutStore
 from models.blobs import BlobNotFound
 from models.errors import StoreError, StoreUnavailable
 from models.job_records import JobEnd, Lease, Progress, StoredJob, blob_key

@@ -12,8 +12,8 @@ from starlette.middleware.exceptions import ExceptionMiddleware
 from starlette.responses import Response
 from starlette.types import ASGIApp
 
-from app.audit import Audit
-from app.blobs import BlobAccess
+from app.access.audit import Audit
+from app.http.problems import FrameworkErrors, ProblemBoundary, problem_response
 from app.jobs.callbacks import Callbacks, CallbackSettings
 from app.jobs.changes import ChangeListener
 from app.jobs.dispatch import Dispatch, Housekeeping, LocalDispatch
@@ -22,10 +22,10 @@ from app.jobs.registry import JobLimits, Jobs, JobWork
 from app.jobs.running import JobRunner, RunLimits
 from app.jobs.shared_blobs import LOOK_EVERY_S, SharedBlobs
 from app.jobs.stored_request import JobRun, do_request
-from app.layout_store import LayoutStore
 from app.metrics import JobFacts
-from app.problems import FrameworkErrors, ProblemBoundary, problem_response
 from app.settings import Settings
+from app.storage.blobs import BlobAccess
+from app.storage.layout_store import LayoutStore
 from models.errors import StoreError
 from models.job_records import QueueStatus
 

@@ -4,8 +4,8 @@ import logging
 import uuid
 from datetime import UTC, datetime, timedelta
 
-from app.blobs import BlobAccess
-from app.layout_store import LayoutStore
+from app.storage.blobs import BlobAccess
+from app.storage.layout_store import LayoutStore
 from models.blobs import BlobNotFound
 from models.errors import StoreError
 

@@ -13,7 +13,7 @@ from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Scope
 
-from app.form_parts import has_form
+from app.http.form_parts import has_form
 from app.logs import trace_of
 from services.progress import ProgressSink
 

@@ -5,13 +5,13 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
-from app.problems import documented
+from app.http.paging import LINK, link_next
+from app.http.problems import documented
 from app.routes.common_responses import STORE
-from app.routes.paging import LINK, link_next
-from app.routes.state import State
 from app.schemas.layout import MODEL_NAME_PATTERN
 from app.schemas.options import Absent
 from app.schemas.review import AuditEntry, ChangeList
+from app.state import State
 
 router = APIRouter(tags=["review"])
 

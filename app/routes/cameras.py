@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Request
 
-from app.callers import caller_of
-from app.problems import documented
+from app.access.callers import caller_of
+from app.http.problems import documented
 from app.routes.common_responses import READING, STORE
-from app.routes.state import State
 from app.schemas.cameras import CameraList, RememberedCamera
+from app.state import State
 from models.errors import CameraNotFound
 
 router = APIRouter(prefix="/cameras", tags=["rectify"])

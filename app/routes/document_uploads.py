@@ -6,7 +6,7 @@ from dataclasses import replace
 from fastapi import UploadFile
 
 from app.engine.base import TimeLimit
-from app.representations import SNIFFED_BYTES, may_have_pages
+from app.http.representations import SNIFFED_BYTES, may_have_pages
 from app.settings import Settings
 from services.contract.images import DocumentLimits
 from services.errors import TooLarge

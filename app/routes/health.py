@@ -6,10 +6,10 @@ from typing import Literal
 from fastapi import APIRouter, Response
 
 from app.engine.base import EngineStatus
+from app.http.problems import documented
 from app.metrics import MEDIA_TYPE
-from app.problems import documented
-from app.routes.state import AppState, State
 from app.schemas.health import Live, Ready
+from app.state import AppState, State
 from app.worker_facts import languages_of
 from services.errors import DocumentError
 

@@ -7,14 +7,14 @@ from fastapi import APIRouter, Header, Request, Response
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from app.callers import caller_of
+from app.access.callers import caller_of
+from app.http.problems import documented, problem_response
 from app.jobs.registry import JobCancelled, Jobs
-from app.problems import documented, problem_response
 from app.routes.common_responses import IMAGE, STORE, WORK
 from app.routes.long_work import status_of
-from app.routes.state import State
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
+from app.state import State
 from models.job_records import StoredJob
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 

@@ -1,16 +1,18 @@
 """Kept photos: their pages as JSON, the photos, later answers without sending them again, and files of several."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.callers import Caller, caller_of
-from app.connection import while_connected
+from app.access.callers import Caller, caller_of
 from app.engine.base import TimeLimit
-from app.problems import documented
-from app.representations import (
+from app.http.connection import while_connected
+from app.http.json_answers import JSON, answer_json
+from app.http.json_bodies import json_request, read_json
+from app.http.problems import documented
+from app.http.representations import (
     check_accepted,
     choose_described_format,
     content_disposition,
@@ -18,15 +20,13 @@ from app.representations import (
     image_headers,
 )
 from app.routes.common_responses import BODY, STORE, WORK
-from app.routes.json_answers import JSON, answer_json
-from app.routes.json_bodies import json_request, read_json
-from app.routes.page_answers import BINARY
-from app.routes.state import AppState, State
+from app.routes.page_answers import BINARY, flat_pages
 from app.schemas.kept_pages import PICTURE_FORMATS, BindRequest, Picture, PictureFormat, RenderRequest
 from app.schemas.options import MaxPixels
-from app.schemas.rectify import RectifyResult
+from app.state import AppState, State
 from models.errors import KeptPageNotFound, ResultNotFound, StoreError
 from models.records import StoredPage
+from services.contract.answers.rectify import RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, SeveralFormat
 from services.contract.kept_pages import KeptPage
 
@@ -36,7 +36,7 @@ JPEG = "image/jpeg"
 
 
 async def keep_photos(state: AppState, caller: Caller, reply: PageReply, names: Sequence[str | None]) -> None:
-    """Keep the pages of a reply of /rectify, and write their ids (`page_id`) into its document.
+    """Keep the pages of a reply of /rectify, and write their ids (`page_id`) into its answer.
 
     `names` are the file names of the uploads; where there are fewer than pages, the first one's is that of all.
 
@@ -45,9 +45,7 @@ async def keep_photos(state: AppState, caller: Caller, reply: PageReply, names: 
     StoreError
         When a photo cannot be kept; then none is.
     """
-    pages = reply.document.get("pages")
-    described = [reply.document] if pages is None else cast(list[dict[str, Any]], pages)
-    described = [page for page in described if "problem" not in page]
+    described = flat_pages(reply)
     kept = [(page, each) for page, each in zip(described, reply.kept, strict=False) if each is not None]
     of_all = len(names) != len(described)
     documents = [
@@ -64,7 +62,7 @@ async def keep_photos(state: AppState, caller: Caller, reply: PageReply, names: 
             await state.store.call(lambda store, id=id: store.delete_kept_page(id))  # type: ignore[misc]
         raise
     for id, (page, _) in zip(ids, kept, strict=True):
-        page["page_id"] = id
+        page.page_id = id
 
 
 async def own_page(request: Request, state: AppState, page_id: str) -> StoredPage:
@@ -159,16 +157,17 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     work = state.engine.submit(state.operations.render_kept_page, kept, asked.wish, encoding)
     reply, changed = await while_connected(request.receive, work)
     bundle_bytes = len(changed.bundle) or page.document["bytes"]
-    shown = {**reply.document, "image": None, "image_media_type": None}
+    (answer,) = flat_pages(reply)
+    answer.page_id = id
+    shown = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type"})
     document = {**changed.document, "bytes": bundle_bytes, "name": page.document["name"], "shown": shown}
     if changed.bundle:
         await state.photos.forget([id])
         await state.photos.keep({id: changed.bundle})
     await state.store.call(lambda store: store.change_kept_page(id, document))
-    answer = {**reply.document, "page_id": id}
     if reply.media_type == JSON:
-        return await answer_json(partial(RectifyResult.model_validate, answer), headers={"Vary": "Accept"})
-    return file_answer(reply, answer, page)
+        return await answer_json(lambda: answer, headers={"Vary": "Accept"})
+    return file_answer(reply, page)
 
 
 @router.post(
@@ -193,7 +192,7 @@ async def bind_pages(request: Request, state: State) -> Response:
     limit = TimeLimit(state.settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
     work = state.engine.submit(state.operations.bind_kept_pages, kept, encoding, time_limit=limit)
     reply = await while_connected(request.receive, work)
-    return file_answer(reply, reply.document, pages[0])
+    return file_answer(reply, pages[0])
 
 
 @router.delete(
@@ -227,8 +226,8 @@ def encoding_of(
     )
 
 
-def file_answer(reply: PageReply, document: Mapping[str, object], page: StoredPage) -> Response:
+def file_answer(reply: PageReply, page: StoredPage) -> Response:
     """The response with the file of `reply`."""
-    headers = image_headers(document) | {"Vary": "Accept"}
+    headers = image_headers(reply.answer) | {"Vary": "Accept"}
     headers |= content_disposition(page.document["name"], "-flat", reply.media_type)
     return Response(reply.body, media_type=reply.media_type, headers=headers)

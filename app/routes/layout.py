@@ -1,45 +1,38 @@
 """POST /layout: a page or its zones -> document class and labels."""
 
 import asyncio
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
-from app.callers import caller_of
-from app.decisions import tolerated_errors_of
-from app.form_parts import FormRoute
-from app.problems import documented
-from app.representations import (
+from app.access.callers import caller_of
+from app.http.form_parts import FormRoute
+from app.http.json_answers import answer_json
+from app.http.known_options import known_parts, with_format
+from app.http.ocr_languages import chosen_language
+from app.http.problems import documented
+from app.http.representations import (
     choose_described_format,
     content_disposition,
     layout_headers,
 )
+from app.learning.labelled_pages import MissingPart, layout_settings, zones_upload
+from app.review.decisions import tolerated_errors_of
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.document_uploads import document_time_limit
-from app.routes.json_answers import answer_json
-from app.routes.known_options import known_parts, with_format
-from app.routes.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.ocr_languages import chosen_language
-from app.routes.state import AppState, State
-from app.schemas.layout import (
-    DocumentResult,
-    LayoutForm,
-    LayoutResult,
-    document_of,
-    parse_names,
-    result_of,
-)
+from app.schemas.layout import LayoutForm, parse_names, stored_form
 from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
+from app.state import AppState, State
+from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.layout import (
     MEDIA_TYPES,
     DocumentReply,
     LayoutFormat,
     LayoutOptions,
-    LayoutReply,
     LayoutSettings,
 )
 from services.errors import InvalidOption, TooLarge
@@ -163,18 +156,20 @@ async def layout(
             progress=progress,
         )
         request.state.seat.release()
-        reply = await _with_decisions(state, reply)
+        for page in reply.pages if isinstance(reply, DocumentReply) else (reply,):
+            await _decide(state, page.answer)
         if isinstance(reply, DocumentReply):
             return await _answer_document(state, reply, chosen, _image_name(images[:1]), caller.name)
-        result = await asyncio.to_thread(result_of, reply.document, "")
-        result_id = await state.store.keep_result({"result": reply.document, "page": reply.page}, caller.name)
-        await keep_pictures(state, result_id, {result_id: reply.picture})
-        headers = layout_headers(reply.document, reply.drawn)
-        headers["Document-Result"] = f"/layout/results/{result_id}"
+        result = reply.answer
+        stored = await asyncio.to_thread(stored_form, result)
+        result.id = await state.store.keep_result({"result": stored, "page": reply.page}, caller.name)
+        await keep_pictures(state, result.id, {result.id: reply.picture})
+        headers = layout_headers(result, reply.drawn)
+        headers["Document-Result"] = f"/layout/results/{result.id}"
         if chosen != "json":
             headers |= content_disposition(_image_name(images[:1]), SUFFIXES[chosen], reply.media_type)
             return Response(reply.body, media_type=reply.media_type, headers=headers)
-        return await answer_json(lambda: result.model_copy(update={"id": result_id}), headers=headers)
+        return await answer_json(lambda: result, headers=headers)
 
     return await answer_now_or_later(request, state, work)
 
@@ -182,45 +177,37 @@ async def layout(
 async def _answer_document(
     state: State, reply: DocumentReply, chosen: LayoutFormat, name: str, owner: str | None
 ) -> Response:
-    whole = await asyncio.to_thread(_validated, reply)
-    result_id, page_ids = await state.store.keep_document(
-        {"document": reply.document},
-        [{"result": page.document, "page": page.page, "in_document": True} for page in reply.pages],
+    whole = reply.answer
+    document = stored_form(whole)
+    pages = await asyncio.to_thread(lambda: [stored_form(page.answer) for page in reply.pages])
+    whole.id, page_ids = await state.store.keep_document(
+        {"document": document},
+        [
+            {"result": stored, "page": page.page, "in_document": True}
+            for stored, page in zip(pages, reply.pages, strict=True)
+        ],
         owner,
     )
+    for page, page_id in zip(reply.pages, page_ids, strict=True):
+        page.answer.id = page_id
+        whole.pages.append(page.answer)
     pictures = {page_id: page.picture for page, page_id in zip(reply.pages, page_ids, strict=True)}
-    await keep_pictures(state, result_id, pictures)
-    headers = layout_headers(reply.document, pages=[page.document for page in reply.pages])
-    headers["Document-Result"] = f"/layout/results/{result_id}"
+    await keep_pictures(state, whole.id, pictures)
+    headers = layout_headers(whole)
+    headers["Document-Result"] = f"/layout/results/{whole.id}"
     if chosen != "json":
         headers |= content_disposition(name, SUFFIXES[chosen], reply.media_type)
         return Response(reply.body, media_type=reply.media_type, headers=headers)
-    pages = [page.model_copy(update={"id": id}) for page, id in zip(whole.pages, page_ids, strict=True)]
-    return await answer_json(
-        lambda: whole.model_copy(update={"id": result_id, "pages": pages}), headers=headers
-    )
+    return await answer_json(lambda: whole, headers=headers)
 
 
-def _validated(reply: DocumentReply) -> DocumentResult:
-    """The document before it is stored; its ids are not known yet."""
-    pages = [result_of(page.document, "") for page in reply.pages]
-    return document_of(reply.document, "", pages)
-
-
-async def _with_decisions(state: AppState, reply: LayoutReply | DocumentReply) -> LayoutReply | DocumentReply:
-    """The reply; every page that was compared with models also has the decision on it."""
-    if isinstance(reply, DocumentReply):
-        pages = [replace(page, document=await _with_decision(state, page.document)) for page in reply.pages]
-        return replace(reply, pages=pages)
-    return replace(reply, document=await _with_decision(state, reply.document))
-
-
-async def _with_decision(state: AppState, result: dict[str, Any]) -> dict[str, Any]:
-    if not result["classes"]:
-        return result
-    name = result["class"]["name"] if result["class"] else "*"
-    decision = await state.store.decision(result, tolerated_errors_of(name, state.settings.tolerated_errors))
-    return {**result, "decision": asdict(decision)}
+async def _decide(state: AppState, result: LayoutResult) -> None:
+    """Give a page that was compared with models the decision on it."""
+    if not result.classes:
+        return
+    name = result.class_.name if result.class_ else "*"
+    tolerated = tolerated_errors_of(name, state.settings.tolerated_errors)
+    result.decision = await state.store.decision(result, tolerated)
 
 
 def _limits(settings: Settings) -> LayoutSettings:

@@ -12,16 +12,15 @@ from fastapi import APIRouter, Form, Query, Request, Response
 from pydantic import AfterValidator, ValidationError
 from starlette.responses import StreamingResponse
 
-from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive, shown_detail, shown_name
-from app.form_parts import FormRoute
-from app.problems import documented, refusal_in
+from app.http.archives import OF_ONE_FILE, SpooledFile, UploadedArchive, shown_detail, shown_name
+from app.http.form_parts import FormRoute
+from app.http.json_answers import answer_json
+from app.http.known_options import known_parts
+from app.http.problems import documented, refusal_in
+from app.learning.labelled_pages import layout_settings
 from app.routes.common_responses import FORM, READING, STORE, WORK
-from app.routes.json_answers import answer_json
-from app.routes.known_options import known_parts
-from app.routes.labelled_pages import layout_settings
 from app.routes.layout_settings import settings_answer, settings_changes
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.state import AppState, State
 from app.schemas.layout import NAMES_PATTERN, checked_names, parse_names
 from app.schemas.layout_archives import (
     ArchivedClass,
@@ -32,6 +31,7 @@ from app.schemas.layout_archives import (
     Manifest,
 )
 from app.schemas.options import Absent
+from app.state import AppState, State
 from models.errors import ModelNotFound, NotStorable, StoreError
 from models.repository import Store
 from services.errors import DocumentError, InvalidOption, TooLarge

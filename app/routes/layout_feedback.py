@@ -5,17 +5,16 @@ from functools import partial
 
 from fastapi import APIRouter, Request, Response
 
-from app.callers import caller_of, require_own_result
-from app.connection import while_connected
-from app.problems import documented
+from app.access.callers import caller_of, require_own_result
+from app.http.connection import while_connected
+from app.http.json_answers import answer_json
+from app.http.json_bodies import json_request, read_json
+from app.http.paging import LINK, Cursor, Limit, first_of, link_next
+from app.http.problems import documented
+from app.learning.feedback import learn_from_feedback
+from app.learning.undo import undo_feedback
 from app.routes.common_responses import BODY, READING, WORK
-from app.routes.feedback_learning import learn_from_feedback
-from app.routes.feedback_undo import undo_feedback
-from app.routes.json_answers import answer_json
-from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import IdempotencyKey
-from app.routes.paging import LINK, Cursor, Limit, first_of, link_next
-from app.routes.state import State
 from app.schemas.layout_feedback import (
     AdaptedModel,
     CostChange,
@@ -31,9 +30,10 @@ from app.schemas.layout_feedback import (
     WrongLabel,
 )
 from app.schemas.layout_models import ModelName
-from app.schemas.page import Warning
+from app.state import State
 from models.errors import ResultNotFound
 from models.feedback_records import FeedbackSummary, StoredFeedback
+from services.contract.answers.page import Warning
 
 router = APIRouter(tags=["layout feedback"])
 

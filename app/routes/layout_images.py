@@ -5,13 +5,13 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.callers import require_own_result
-from app.connection import while_connected
-from app.problems import documented
-from app.representations import check_accepted
+from app.access.callers import require_own_result
+from app.http.connection import while_connected
+from app.http.problems import documented
+from app.http.representations import check_accepted
 from app.routes.common_responses import STORE, WORK
-from app.routes.state import AppState, State
 from app.schemas.options import MaxPixels
+from app.state import AppState, State
 from models.errors import ResultNotFound, StoreError
 
 router = APIRouter(tags=["layout"])

@@ -7,20 +7,19 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field
 
-from app.connection import while_connected
 from app.engine.base import TimeLimit
-from app.preconditions import entity_tag, parse_precondition
-from app.problems import documented
+from app.http.connection import while_connected
+from app.http.json_answers import answer_json
+from app.http.json_bodies import refuse_body
+from app.http.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
+from app.http.preconditions import entity_tag, parse_precondition
+from app.http.problems import documented
+from app.learning.labelled_pages import count_labels, layout_settings
+from app.learning.samples import samples_note, samples_to_learn_from
 from app.routes.common_responses import BODY, READING, STORE, WORK
-from app.routes.json_answers import answer_json
-from app.routes.json_bodies import refuse_body
-from app.routes.labelled_pages import count_labels, layout_settings
 from app.routes.layout_settings import health_of
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, LOCATION, IfMatch, IfNoneMatch
-from app.routes.model_samples import samples_note, samples_to_learn_from
-from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
-from app.routes.state import State
 from app.schemas.layout_models import (
     ImportedModel,
     InitializedModel,
@@ -29,6 +28,7 @@ from app.schemas.layout_models import (
     ModelSummary,
 )
 from app.schemas.options import Absent, CallbackUrl
+from app.state import State
 from models.errors import ModelNotFound
 from models.records import StoredModel, StoredSample
 from models.repository import Store

@@ -6,18 +6,18 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.callers import Caller, caller_of
+from app.access.callers import Caller, caller_of
 from app.engine.base import TimeLimit
-from app.problems import documented
+from app.http.json_answers import answer_json
+from app.http.json_bodies import refuse_body
+from app.http.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
+from app.http.problems import documented
+from app.learning.labelled_pages import layout_settings
 from app.routes.common_responses import BODY, READING, STORE, WORK
-from app.routes.json_answers import answer_json
-from app.routes.json_bodies import refuse_body
-from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
-from app.routes.state import State
 from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
 from app.schemas.options import CallbackUrl
+from app.state import State
 from models.errors import UnknownPageNotFound
 from models.records import UnknownPage as StoredUnknownPage
 from models.repository import Store

@@ -7,19 +7,20 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from app.callers import require_own_result
-from app.connection import while_connected
-from app.problems import documented
-from app.representations import choose_described_format, content_disposition, layout_headers
+from app.access.callers import require_own_result
+from app.http.connection import while_connected
+from app.http.json_answers import answer_json
+from app.http.problems import documented
+from app.http.representations import choose_described_format, content_disposition, layout_headers
+from app.learning.labelled_pages import layout_settings
 from app.routes.common_responses import STORE, WORK
-from app.routes.json_answers import answer_json
-from app.routes.labelled_pages import layout_settings
 from app.routes.layout import HEADERS, OTHER_CONTENT, SUFFIXES
-from app.routes.state import AppState, State
-from app.schemas.layout import DocumentResult, LayoutResult, document_of, result_of
+from app.schemas.layout import document_of, result_of
+from app.state import AppState, State
 from models.errors import ModelNotFound, ResultNotFound
 from models.records import StoredResult
 from models.repository import Store
+from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.html import HtmlElement
 from services.contract.layout import MEDIA_TYPES, KeptResult, LayoutFormat
 
@@ -96,9 +97,7 @@ async def _answer_file(
     finally:
         seat.release()
     shown = await asyncio.to_thread(_shown, kept)
-    described = shown.model_dump(include={"class_", "document_class", "warnings", "timings_ms"})
-    inner = [each.document["result"] for each in results] if "pages" in kept.document else []
-    headers = layout_headers(described, file.drawn, inner)
+    headers = layout_headers(shown, file.drawn)
     headers |= content_disposition(kept.id, SUFFIXES.get(chosen, ""), file.media_type)
     return Response(file.body, media_type=file.media_type, headers=headers)
 

@@ -9,15 +9,15 @@ from typing import Annotated, Any, Literal, cast
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 
-from app.callers import caller_of
-from app.preconditions import Conflict
-from app.problems import documented
-from app.representations import choose_described_format
+from app.access.callers import caller_of
+from app.http.paging import LINK, link_next
+from app.http.preconditions import Conflict
+from app.http.problems import documented
+from app.http.representations import choose_described_format
 from app.routes.common_responses import STORE
-from app.routes.paging import LINK, link_next
-from app.routes.state import State
 from app.schemas.layout_results import LIST_MEDIA_TYPES, ListFormat, ResultEntry, ResultList
 from app.schemas.options import Absent
+from app.state import State
 from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
 from models.repository import Store, cursor_of
 

@@ -7,18 +7,18 @@ from typing import IO, Annotated
 
 from fastapi import APIRouter, Form, Request, Response
 
-from app.archives import OF_ONE_FILE, SpooledFile, UploadedArchive, shown_detail, shown_name
-from app.form_parts import FormRoute
-from app.problems import documented, refusal_in
+from app.http.archives import OF_ONE_FILE, SpooledFile, UploadedArchive, shown_detail, shown_name
+from app.http.form_parts import FormRoute
+from app.http.json_answers import answer_json
+from app.http.known_options import known_parts
+from app.http.problems import documented, refusal_in
+from app.http.zip_directory import ArchivedFile
+from app.learning.labelled_pages import layout_settings
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
-from app.routes.json_answers import answer_json
-from app.routes.known_options import known_parts
-from app.routes.labelled_pages import layout_settings
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.routes.state import AppState, State
 from app.schemas.layout_archives import ArchiveForm, FileProblem, FileReport, SamplesReport
 from app.schemas.layout_models import ModelName
-from app.zip_directory import ArchivedFile
+from app.state import AppState, State
 from models.errors import StoreError
 from models.records import StoredSample
 from services.errors import DocumentError, InvalidOption

@@ -2,25 +2,25 @@
 
 from fastapi import APIRouter, Request, Response
 
-from app.callers import caller_of
-from app.connection import while_connected
-from app.form_parts import FormRoute
-from app.problems import documented
-from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
-from app.routes.labelled_pages import (
+from app.access.callers import caller_of
+from app.http.connection import while_connected
+from app.http.form_parts import FormRoute
+from app.http.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
+from app.http.problems import documented
+from app.learning.labelled_pages import (
     LABELLED_PAGE_BODY,
     count_labels,
     labelled_page,
     layout_settings,
     read_upload,
 )
+from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
 from app.routes.model_answers import IdempotencyKey
-from app.routes.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_next
-from app.routes.state import State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
-from app.schemas.page import Warning
+from app.state import State
 from models.records import StoredSample
+from services.contract.answers.page import Warning
 
 router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"], route_class=FormRoute)
 

@@ -5,13 +5,13 @@ from typing import Any
 
 from fastapi import APIRouter, Request
 
-from app.preconditions import Conflict
-from app.problems import documented
+from app.http.json_bodies import json_request, read_json
+from app.http.preconditions import Conflict
+from app.http.problems import documented
 from app.routes.common_responses import BODY, READING
-from app.routes.json_bodies import json_request, read_json
-from app.routes.state import State
 from app.schemas.layout_models import Health, ModelName
 from app.schemas.layout_settings import ModelHealthReport, Settings, SettingsBody, TypedField
+from app.state import State
 from models.errors import NotStorable
 from models.feedback_records import ModelHealth
 from models.records import ModelSettings

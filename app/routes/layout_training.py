@@ -6,20 +6,20 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Query, Request, Response
 
 from app.engine.base import TimeLimit
-from app.layout_store import document_of
-from app.preconditions import Precondition, entity_tag, parse_precondition
-from app.problems import documented
+from app.http.json_bodies import json_request, read_json
+from app.http.preconditions import Precondition, entity_tag, parse_precondition
+from app.http.problems import documented
+from app.learning.labelled_pages import layout_settings
+from app.learning.lessons import training_note
+from app.learning.samples import samples_to_learn_from
 from app.routes.common_responses import BODY, READING, WORK
-from app.routes.json_bodies import json_request, read_json
-from app.routes.labelled_pages import layout_settings
-from app.routes.lessons import training_note
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, IfMatch
-from app.routes.model_samples import samples_to_learn_from
-from app.routes.state import AppState, State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_training import Round, TrainBody, TrainedModel
 from app.schemas.options import CallbackUrl
+from app.state import AppState, State
+from app.storage.layout_store import document_of
 from models.errors import ModelNotFound, VersionConflict
 from models.records import StoredModel, StoredSample
 from models.repository import Store

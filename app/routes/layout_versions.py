@@ -6,15 +6,13 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request, Response
 from pydantic import Field
 
-from app.connection import while_connected
-from app.layout_store import document_of, labels_of
-from app.preconditions import entity_tag, parse_precondition
-from app.problems import documented
+from app.http.connection import while_connected
+from app.http.json_bodies import json_request, read_json
+from app.http.paging import LINK, MOST_LISTED, Limit, first_of, link_next
+from app.http.preconditions import entity_tag, parse_precondition
+from app.http.problems import documented
 from app.routes.common_responses import BODY, READING, WORK
-from app.routes.json_bodies import json_request, read_json
 from app.routes.model_answers import ETAG, IfMatch
-from app.routes.paging import LINK, MOST_LISTED, Limit, first_of, link_next
-from app.routes.state import State
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_versions import (
     MOST_VERSION,
@@ -26,6 +24,8 @@ from app.schemas.layout_versions import (
     VersionList,
 )
 from app.schemas.options import Absent
+from app.state import State
+from app.storage.layout_store import document_of, labels_of
 from models.errors import ModelNotFound
 from models.repository import Store
 from services.contract.layout import ModelDocument

@@ -7,18 +7,18 @@ from typing import Any
 from fastapi import Request, Response
 from starlette.datastructures import Headers
 
-from app.callers import caller_of
-from app.connection import while_connected
-from app.form_parts import has_form
+from app.access.callers import caller_of
+from app.http.connection import while_connected
+from app.http.form_parts import has_form
+from app.http.sent_request import digest_of
+from app.http.wishes import RESPOND_ASYNC, prefers_async
 from app.jobs.callback_request import parse_callback_url
 from app.jobs.registry import KEY_HEADER, MOST_KEY_CHARACTERS, Repeatable
 from app.jobs.stored_request import RUN, JobRun
-from app.routes.sent_request import digest_of
-from app.routes.state import AppState
 from app.schemas.jobs import JobDelivery, JobLinks, JobStatus
-from app.schemas.problem import Problem
-from app.wishes import RESPOND_ASYNC, prefers_async
+from app.state import AppState
 from models.job_records import StoredJob
+from services.contract.answers.problem import Problem
 from services.errors import InvalidOption
 from services.progress import ProgressSink
 

@@ -5,17 +5,18 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
-from app.callers import caller_of
-from app.camera_memory import known_cameras
+from app.access.callers import caller_of
 from app.engine.base import TimeLimit
-from app.form_parts import FormRoute
-from app.routes.known_options import known_parts, with_format
+from app.http.form_parts import FormRoute
+from app.http.known_options import known_parts, with_format
+from app.http.ocr_languages import chosen_language
 from app.routes.long_work import PREFER, answer_now_or_later
-from app.routes.ocr_languages import chosen_language
 from app.routes.page_answers import answer_page, choose_encoding, documented_page
-from app.routes.state import State
-from app.schemas.mosaic import MosaicForm, MosaicResult
+from app.schemas.mosaic import MosaicForm
 from app.schemas.options import AskedFormat, CallbackUrl
+from app.state import State
+from app.storage.camera_memory import known_cameras
+from services.contract.answers.mosaic import MosaicResult
 from services.contract.mosaic import MosaicLimits
 from services.progress import ProgressSink
 
@@ -71,6 +72,6 @@ async def mosaic(
             progress=progress,
         )
         request.state.seat.release()
-        return await answer_page(request, reply, MosaicResult, form.images[0], "-mosaic")
+        return await answer_page(request, reply, form.images[0], "-mosaic")
 
     return await answer_now_or_later(request, state, work)

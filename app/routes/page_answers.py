@@ -1,14 +1,14 @@
 """Responses with a page: their format, headers and documentation."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Any, Protocol
 
 from fastapi import Request, Response, UploadFile
 from pydantic import BaseModel
 
-from app.problems import described_problem, documented
-from app.representations import (
+from app.http.json_answers import JSON, answer_json
+from app.http.problems import described_problem, documented
+from app.http.representations import (
     MEDIA_TYPES,
     SNIFFED_BYTES,
     choose_format,
@@ -19,8 +19,8 @@ from app.representations import (
     sniff_format,
 )
 from app.routes.common_responses import FORM, IMAGE, WORK
-from app.routes.json_answers import JSON, answer_json
 from app.routes.long_work import ACCEPTED
+from services.contract.answers.rectify import FailedPage, PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
 from services.contract.images import (
     AnswerFormat,
@@ -180,27 +180,25 @@ def _encoding_of(
     )
 
 
-async def answer_page(
-    request: Request,
-    reply: PageReply,
-    model: type[BaseModel],
-    photo: UploadFile,
-    suffix: str,
-    pages_model: type[BaseModel] | None = None,
-) -> Response:
-    """Response with the image and its headers, or with its description, validated by `model`.
+def flat_pages(reply: PageReply) -> list[RectifyResult]:
+    """The answers about the flat pages of a reply of /rectify."""
+    if isinstance(reply.answer, PagesResult):
+        return [page for page in reply.answer.pages if isinstance(page, RectifyResult)]
+    assert isinstance(reply.answer, RectifyResult)
+    return [reply.answer]
 
-    The description of several pages is validated by `pages_model`. A saved image gets the file name of `photo` with
-    `suffix`.
+
+async def answer_page(request: Request, reply: PageReply, photo: UploadFile, suffix: str) -> Response:
+    """Response with the image and its headers, or with its description.
+
+    A saved image gets the file name of `photo` with `suffix`.
     """
-    pages = reply.document.get("pages")
-    if isinstance(pages, list) and pages_model is not None:
-        model = pages_model
-        for page in pages:
-            if "problem" in page:
-                page["problem"] = described_problem(**page["problem"], request_id=request.state.request_id)
+    if isinstance(reply.answer, PagesResult):
+        for each in reply.failed:
+            problem = described_problem(each.code, each.detail, each.field, request.state.request_id)
+            reply.answer.pages.insert(each.place, FailedPage(problem=problem))
     if reply.media_type == JSON:
-        return await answer_json(partial(model.model_validate, reply.document), headers={"Vary": "Accept"})
-    headers = image_headers(reply.document) | {"Vary": "Accept"}
+        return await answer_json(lambda: reply.answer, headers={"Vary": "Accept"})
+    headers = image_headers(reply.answer) | {"Vary": "Accept"}
     headers |= content_disposition(photo.filename, suffix, reply.media_type)
     return Response(reply.body, media_type=reply.media_type, headers=headers)

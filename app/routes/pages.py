@@ -9,7 +9,7 @@ from starlette.responses import HTMLResponse
 from starlette.staticfiles import StaticFiles
 
 from app import __version__
-from app.routes.state import State
+from app.state import State
 
 router = APIRouter(include_in_schema=False)
 

@@ -2,7 +2,7 @@
 
 The worker writes every page that is done to a file. Where the file does not grow for as long as one photo may take,
 the worker is stopped, and another one goes on with the page behind. When the time of all pages ends, another one binds
-those that are done.
+those that are done. A document of `/layout` has one time for all: its class follows from all of its pages.
 """
 
 import asyncio
@@ -14,7 +14,7 @@ from fastapi import UploadFile
 
 from app.engine.base import JobTimedOut, TimeLimit
 from app.routes.document_uploads import document_limits
-from app.routes.state import AppState
+from app.state import AppState
 from services.contract.images import Encoding, PageReply
 from services.contract.rectify import RectifyParameters
 from services.progress import ProgressSink

@@ -5,19 +5,20 @@ from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
-from app.callers import caller_of
-from app.camera_memory import keep_cameras, known_cameras
-from app.form_parts import FormRoute
+from app.access.callers import caller_of
+from app.http.form_parts import FormRoute
+from app.http.known_options import known_parts, with_format
+from app.http.ocr_languages import chosen_language
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.kept_pages import keep_photos
-from app.routes.known_options import known_parts, with_format
 from app.routes.long_work import PREFER, answer_now_or_later
-from app.routes.ocr_languages import chosen_language
-from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page
+from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page, flat_pages
 from app.routes.pages_in_time import flatten_pages
-from app.routes.state import State
 from app.schemas.options import AskedPagesFormat, CallbackUrl
-from app.schemas.rectify import PagesResult, RectifyForm, RectifyResult
+from app.schemas.rectify import RectifyForm
+from app.state import State
+from app.storage.camera_memory import keep_cameras, known_cameras
+from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import Encoding
 from services.errors import InvalidOption
 from services.progress import ProgressSink
@@ -99,10 +100,10 @@ async def rectify(
             )
         request.state.seat.release()
         if settings.camera_memory:
-            await keep_cameras(state.store, caller, reply.document)
+            await keep_cameras(state.store, caller, flat_pages(reply))
         if parameters.keep_photo:
             await keep_photos(state, caller, reply, [photo.filename for photo in form.image])
-        return await answer_page(request, reply, RectifyResult, form.image[0], "-flat", PagesResult)
+        return await answer_page(request, reply, form.image[0], "-flat")
 
     return await answer_now_or_later(request, state, work)
 

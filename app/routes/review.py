@@ -4,14 +4,14 @@ import logging
 
 from fastapi import APIRouter, Request
 
-from app.callers import require_own_result
-from app.decisions import place_in_queue
+from app.access.callers import require_own_result
 from app.engine.base import Busy, JobTimedOut, WorkerDied
-from app.problems import documented
+from app.http.json_bodies import json_request, read_json
+from app.http.problems import documented
+from app.review.decisions import place_of_stored
 from app.routes.common_responses import BODY, READING
-from app.routes.json_bodies import json_request, read_json
-from app.routes.state import AppState, State
 from app.schemas.review import Claim, ClaimBody, ClaimRequest
+from app.state import AppState, State
 
 router = APIRouter(tags=["review"])
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ async def _recognize_again(state: AppState, result_id: str, claim: str) -> bool:
         return False
     if document is None:
         return False
-    place = place_in_queue(document["result"])
+    place = place_of_stored(document["result"])
     return await state.store.call(lambda store: store.replace_recognition(result_id, claim, document, place))
 
 

@@ -4,10 +4,10 @@ from datetime import UTC, datetime
 
 from fastapi import APIRouter, Request
 
-from app.problems import documented
+from app.http.problems import documented
 from app.roles import Key
-from app.routes.state import State
 from app.schemas.tokens import Token
+from app.state import State
 from services.errors import DocumentError
 
 router = APIRouter(tags=["tokens"])

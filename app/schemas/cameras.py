@@ -5,7 +5,7 @@ from datetime import datetime
 
 from pydantic import Field
 
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 from services.contract.cameras import FEWEST_PHOTOS, CameraMemory
 
 

@@ -4,8 +4,8 @@ from datetime import datetime
 
 from pydantic import BaseModel, Field
 
-from app.schemas.problem import Problem
 from models.job_records import JobState
+from services.contract.answers.problem import Problem
 
 
 class JobLinks(BaseModel):

@@ -5,10 +5,10 @@ from typing import Annotated, Literal, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from app.schemas.options import FORMAT, EmbedFormat, MaxPixels, Quality
-from app.schemas.page import Point
+from services.contract.answers.page import Point
 from services.contract.images import PdfVersion
 from services.contract.kept_pages import MOST_BOUND_PAGES, PageWish
-from services.contract.rectify import MOST_MARGIN, Crop, Illumination, Rotation
+from services.contract.rectify import MOST_MARGIN, Corners, Crop, Illumination, Rotation
 
 PictureFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 PICTURE_FORMATS: tuple[PictureFormat, ...] = get_args(PictureFormat)
@@ -40,9 +40,10 @@ class Picture(BaseModel):
 class RenderRequest(Picture):
     """What a person says about a kept page; what is absent stays as it is."""
 
-    corners: Annotated[list[Point], Field(min_length=4, max_length=4)] | None = Field(
+    corners: Annotated[list[Point], Field(min_length=4, max_length=4)] | Literal["auto"] | None = Field(
         default=None,
-        description="The sheet's corners in the photo, clockwise from the page's top left. The page is analysed again.",
+        description="The sheet's corners in the photo, clockwise from the page's top left; auto: find "
+        "them again. The page is analysed again.",
     )
     rotate: Annotated[Literal["auto"] | Rotation, BeforeValidator(_turn)] | None = Field(
         default=None, description="Clockwise turn as of /rectify; auto: the one that was found."
@@ -61,8 +62,10 @@ class RenderRequest(Picture):
     @property
     def wish(self) -> PageWish:
         """What is wished of the page, without the response format."""
-        corners = None
-        if self.corners is not None:
+        corners: Corners | Literal["auto"] | None = None
+        if self.corners == "auto":
+            corners = "auto"
+        elif self.corners is not None:
             a, b, c, d = self.corners
             corners = (a, b, c, d)
         return PageWish(corners, self.rotate, self.margin, self.illumination, self.crop)

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from app.schemas.layout import MOST_NAMES
 from app.schemas.layout_models import NameInBody
 from app.schemas.layout_settings import SettingsBody
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 
 
 class ArchiveForm(BaseModel):

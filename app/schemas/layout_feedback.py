@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from app.schemas.layout_models import NameInBody
-from app.schemas.page import Answer, Warning
+from services.contract.answers.page import Answer, Warning
 from services.contract.layout import LONGEST_LABEL
 
 LONGEST_GIVEN_TEXT = 20_000

@@ -8,7 +8,7 @@ from fastapi import Path
 from pydantic import AfterValidator, Field
 
 from app.schemas.layout import MODEL_NAME_PATTERN
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 
 
 def checked_name(name: str) -> str:

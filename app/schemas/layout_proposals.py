@@ -5,7 +5,7 @@ from datetime import datetime
 from pydantic import Field
 
 from app.schemas.layout_samples import PageZone
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 
 
 class UnknownPageSummary(Answer):

@@ -5,9 +5,9 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field
 
-from app.schemas.layout import LabelField
-from app.schemas.page import Answer
 from app.schemas.review import ReviewFacts
+from services.contract.answers.layout import LabelField
+from services.contract.answers.page import Answer
 
 ListFormat = Literal["json", "csv", "jsonl"]
 LIST_MEDIA_TYPES: dict[ListFormat, str] = {

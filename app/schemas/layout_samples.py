@@ -5,18 +5,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from app.schemas.page import Answer, Warning
-
-
-class Appearance(BaseModel):
-    """How the ink of a zone looks: print is even and stands on baselines, handwriting and stamps are not."""
-
-    density: float = Field(description="Share of the box that is ink.")
-    size: float = Field(description="Mean height of its connected components over the page's glyph height.")
-    size_spread: float = Field(description="Standard deviation of the binary logarithm of their heights.")
-    stroke: float = Field(description="Mean stroke width over that of the page's print.")
-    slant: float = Field(description="How far strokes lean to the right, by height.")
-    regularity: float = Field(description="Share of components on one baseline with a neighbour.")
+from services.contract.answers.layout import Appearance
+from services.contract.answers.page import Answer, Warning
 
 
 class PageZone(BaseModel):

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.schemas.layout_models import Health, NameInBody
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 from services.contract.bounded_patterns import LONGEST_PATTERN, UnboundedPattern, compile_bounded
 from services.contract.fields import MOST_FIELDS, DateOrder, DecimalSign, FieldSetting, FieldType
 from services.contract.html import HtmlElement

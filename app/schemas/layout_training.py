@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.options import WHOLE
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 from services.contract.layout_learning import Learner, Stop
 
 MOST_ROUNDS = 100

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.options import WHOLE
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 
 MOST_VERSION = 2**31 - 1
 

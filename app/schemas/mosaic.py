@@ -1,4 +1,4 @@
-"""Request and response of POST /mosaic."""
+"""The form of POST /mosaic."""
 
 import re
 from typing import Annotated, Any, Literal
@@ -27,8 +27,6 @@ from app.schemas.options import (
     checked_turns,
     turn_of,
 )
-from app.schemas.page import Answer, Embedded, EmbeddedMediaType, Orientation, Point, Warning
-from app.schemas.page_text import ReadText as PageText
 from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, Composition, MosaicParameters
 from services.errors import InvalidOption
 
@@ -140,58 +138,3 @@ class MosaicForm(BaseModel):
             camera=self.camera or None,
             rotate=turn_of(self.rotate),
         )
-
-
-class PatchMesh(Answer):
-    """`target[r][c]` is the mosaic's point of photo pixel (c (width-1)/(columns-1), r (height-1)/(rows-1)).
-
-    Photo pixels outside the page get the point of the nearest node on the page.
-    """
-
-    rows: int = Field(ge=2)
-    columns: int = Field(ge=2)
-    target: list[list[Point]]
-
-
-class Patch(Answer):
-    """Contribution of one photo to the page."""
-
-    placed: bool
-    mesh: PatchMesh | None = Field(
-        description="null: the photo is not placed; then all further fields are null too."
-    )
-    scale: float | None = Field(description="Pixels of the mosaic per pixel of the photo, at its centre.")
-    sharpness: float | None = Field(
-        ge=0, le=1, description="Sharpness of its text relative to the sharpest photo."
-    )
-
-
-class Pair(Answer):
-    """Two overlapping photos, `a` < `b`, and the evidence for their overlap."""
-
-    a: int = Field(ge=0)
-    b: int = Field(ge=0)
-    matches: int = Field(ge=0, description="Candidate matches of features.")
-    votes: int = Field(ge=0, description="Matches in the largest group of one scale and displacement.")
-    runner_up_votes: int = Field(ge=0, description="Matches in the second largest group.")
-    overlap_fraction: float = Field(description="Share of the smaller photo's view.")
-    residual_px: float = Field(ge=0, description="RMS distance of block matches, pixels of the mosaic.")
-
-
-class MosaicResult(Answer):
-    """The whole page, and the evidence for its composition."""
-
-    width: int = Field(ge=1)
-    height: int = Field(ge=1)
-    base: int = Field(ge=0, description="Index of the photo where the composition started.")
-    orientation: Orientation
-    patches: list[Patch] = Field(description="One for each photo, in the order of the upload.")
-    pairs: list[Pair]
-    unplaced: list[int] = Field(description="Photos that could not be placed; `warnings` say why.")
-    text: PageText | None = Field(
-        default=None, description="The text, if it was asked for; its words have no places in the photos."
-    )
-    warnings: list[Warning]
-    timings_ms: dict[str, float]
-    image: Embedded = None
-    image_media_type: EmbeddedMediaType = None

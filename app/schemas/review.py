@@ -5,27 +5,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.schemas.page import Answer
+from services.contract.answers.page import Answer
 
 LONGEST_CLAIM = 64
-
-
-class DecisionReason(Answer):
-    """Why a page should be reviewed."""
-
-    code: Literal["no-class", "no-evidence", "unsure"]
-    detail: str
-    zones: list[str] = Field(description="Ids of the zones that it is about; empty: the whole page.")
-
-
-class Decision(Answer):
-    """Whether the labels may be used without a person, by the feedback so far when the page was recognized."""
-
-    action: Literal["accept", "review"]
-    tolerated_error: float = Field(
-        description="Largest share of wrong zones among accepted ones, as the operator states it (TOLERATED_ERRORS)."
-    )
-    reasons: list[DecisionReason]
 
 
 class ReviewFacts(Answer):

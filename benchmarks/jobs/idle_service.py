@@ -6,6 +6,7 @@ What is left is the cost of the queue, and of carrying uploads.
 import sys
 from dataclasses import fields
 
+from services.contract.answers.rectify import PagesResult
 from services.contract.images import PageReply
 from services.contract.operations import Operation, Operations
 
@@ -16,7 +17,7 @@ MODULE = "benchmarks.jobs.idle_service"
 
 def answer(*_: object) -> PageReply:
     """The answer to every request."""
-    return PageReply(PNG, "image/png", {})
+    return PageReply(PNG, "image/png", PagesResult.model_construct(pages=[], warnings=[], timings_ms={}))
 
 
 def warm_up(*_: object) -> dict[str, object]:

@@ -16,6 +16,7 @@ from benchmarks.layout.part import Part, Result, Results, table
 from benchmarks.layout.protocols import make_model, page_labels, unlabelled
 from benchmarks.layout.specimens import Specimen, by_class
 from benchmarks.learning.pages import LEARNERS, verdict
+from services.contract.answers.layout import LayoutResult
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.contract.layout_learning import Learner, VerifiedPage
 from services.layout.exchange.page_json import page_to_document
@@ -101,7 +102,7 @@ def follow_feedback(
         start = time.process_time()
         reply = recognize_upload(None, zones, None, found, LayoutOptions(ocr=False), SETTINGS)
         recognition = time.process_time() - start
-        task = _task(reply.page, reply.document, names, page)
+        task = _task(reply.page, reply.answer, names, page)
         start = time.process_time()
         adaptation = adapt_models(task, [replace(now[name], learner=learner) for name in names], SETTINGS)
         spent.append(_Spent(1000 * recognition, 1000 * (time.process_time() - start)))
@@ -111,13 +112,12 @@ def follow_feedback(
 
 
 def _task(
-    kept: dict[str, object], document: dict[str, object], names: Sequence[str], page: Page
+    kept: dict[str, object], answer: LayoutResult, names: Sequence[str], page: Page
 ) -> VerifiedPage[dict[str, Any]]:
-    zones = json.loads(json.dumps(document))["zones"]
     return VerifiedPage(
         page=kept,
         found_class=names[-1],
-        found_labels={zone["id"]: zone["label"] for zone in zones},
+        found_labels={zone.id: zone.label for zone in answer.zones},
         verified_class=names[0],
         labels=dict(zip((zone.id for zone in page.zones), page_labels(page), strict=True)),
     )

@@ -8,6 +8,7 @@ import hashlib
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 from services.contract.images import DocumentLimits, Encoding, ImageLimits
 from services.contract.mosaic import MosaicLimits, MosaicParameters
@@ -16,7 +17,7 @@ from services.errors import DocumentError
 from services.operations.mosaic import mosaic_uploads
 from services.operations.rectify_documents import rectify_uploads
 
-CHANGING = frozenset({"timings_ms", "id", "created_at"})
+CHANGING = frozenset({"timings_ms", "id", "page_id", "created_at"})
 """Keys of values that differ from one answer to the next."""
 
 
@@ -46,7 +47,12 @@ def answer_request(flow: str, uploads: list[bytes], options: dict[str, object]) 
         return {"error": error.code, "detail": str(error)}
     except Exception as error:  # what an answer must never be is compared too
         return {"error": f"{type(error).__name__}: {error}"}
-    return {"body": hashlib.sha256(reply.body).hexdigest(), "document": masked(reply.document)}
+    return {"body": hashlib.sha256(reply.body).hexdigest(), "document": masked(document_of(reply))}
+
+
+def document_of(reply: Any) -> object:
+    """The answer as JSON; checkouts before typed answers have it as `document`."""
+    return reply.document if hasattr(reply, "document") else reply.answer.model_dump(mode="json")
 
 
 def masked(value: object) -> object:

@@ -96,9 +96,9 @@ def measure(file: Path, scan: RgbImage) -> tuple[dict[str, float], str]:
     reply = rectify_uploads(
         [file.read_bytes()], RectifyParameters(upright=False), Encoding("png"), DocumentLimits()
     )
-    document = reply.document
+    document = reply.answer.model_dump(mode="json")
     view = np.asarray(cv2.imdecode(np.frombuffer(reply.body, np.uint8), cv2.IMREAD_COLOR)[..., ::-1])
-    mesh = np.array(document["mesh"]["source"], np.float64)  # type: ignore[call-overload, index]
+    mesh = np.array(document["mesh"]["source"], np.float64)
     height, width = view.shape[:2]
     places = view_places(mesh, width, height, seen)
     known = np.isfinite(places).all(axis=1)

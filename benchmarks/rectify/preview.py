@@ -67,7 +67,7 @@ def answer(upload: bytes, *, preview: bool) -> tuple[dict[str, object], float]:
     parameters = RectifyParameters(upright=False, preview=preview)
     start = time.process_time()
     reply = rectify_uploads([upload], parameters, Encoding("json"), DocumentLimits())
-    return reply.document, time.process_time() - start
+    return reply.answer.model_dump(mode="json"), time.process_time() - start
 
 
 def distance(full: dict[str, object], preview: dict[str, object]) -> NDArray[np.float64] | None:

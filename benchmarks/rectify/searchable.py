@@ -183,7 +183,7 @@ def main(arguments: Sequence[str]) -> int:
         sound += opens(reply.body)
         count, (of_clean, floor) = found(read.words, page), clean[page.name]
         ours, theirs = ours + count, theirs + of_clean
-        own = box_errors(on_page(read.boxes, reply.document, photo), read.words, page)
+        own = box_errors(on_page(read.boxes, reply.answer.model_dump(mode="json"), photo), read.words, page)
         errors += own
         middle, far = (float(v) for v in np.percentile(own, [50, 95]))
         figures[name] = {"found_percent": 100 * count / of_clean, "box_median_px": middle, "box_p95_px": far}

@@ -79,9 +79,7 @@ def rectify_file(path: Path, ocr: OcrEngine | None) -> tuple[RgbImage, Callable[
 def rectify_bytes(upload: bytes) -> dict[str, float]:
     """All that a worker does with an upload: decode, rectify, encode. Returns the stages' milliseconds."""
     reply = rectify_uploads([upload], RectifyParameters(), Encoding(), DocumentLimits())
-    timings = reply.document["timings_ms"]
-    assert isinstance(timings, dict)
-    return {str(stage): float(spent) for stage, spent in timings.items()}
+    return dict(reply.answer.timings_ms)
 
 
 def measure_steps(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 
-from app.decisions import CANDIDATES, CERTAINTY, Verdict, threshold_of
+from app.review.decisions import CANDIDATES, CERTAINTY, Verdict, threshold_of
 from benchmarks.common.baseline import Figures
 from benchmarks.common.plots import draw_panels
 from benchmarks.layout.hierarchy import simulated_pages

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import httpx
 import numpy as np
 
-from app.layout_store import DATABASE
+from app.storage.layout_store import DATABASE
 from benchmarks.common.baseline import Figures
 from benchmarks.jobs import idle_service
 from benchmarks.jobs.processes import Deployment, Process

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.decisions import expected_wrong_zones
+from app.review.decisions import expected_wrong_zones
 from benchmarks.common.baseline import Figures
 from benchmarks.common.plots import draw_panels
 from benchmarks.layout.part import Part, Result, Results, share, table

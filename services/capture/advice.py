@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from services.capture.quality import CaptureQuality
+from services.contract.answers.capture import Advice
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,14 +25,6 @@ class AdviceParameters:
     light: float = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Advice:
-    """A stable code, and a sentence for the person who takes the photo."""
-
-    code: str
-    detail: str
-
-
 def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
     """Advice, the most important first; none for a photo that reads well."""
     p = AdviceParameters()
@@ -40,51 +33,59 @@ def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
         share = max(1, round(100 * quality.cut_off_fraction))
         found.append(
             Advice(
-                "show-all-text",
-                f"{share} % of the text is cut off or seen too obliquely: take the whole page into view, from above.",
+                code="show-all-text",
+                detail=f"{share} % of the text is cut off or seen too obliquely: take the whole page into view, "
+                "from above.",
             )
         )
     if quality.text_height_min_px < p.least_height_px:
         height = round(quality.text_height_min_px)
         found.append(
             Advice(
-                "come-closer",
-                f"Come closer: letters are {height} pixels high, {p.good_height_px:g} read well.",
+                code="come-closer",
+                detail=f"Come closer: letters are {height} pixels high, {p.good_height_px:g} read well.",
             )
         )
     if max(quality.blur_px, quality.worst_blur_px) > p.blur_heights * quality.text_height_median_px:
         where = f"The {quality.blurred_side} third" if quality.blurred_side else "The text"
         found.append(
-            Advice("hold-still", f"{where} is out of focus or blurred: hold still and focus on the text.")
+            Advice(
+                code="hold-still",
+                detail=f"{where} is out of focus or blurred: hold still and focus on the text.",
+            )
         )
     elif quality.blurred_side is not None:
         found.append(
             Advice(
-                "focus-evenly",
-                f"The {quality.blurred_side} third is out of focus: hold the camera parallel to the page.",
+                code="focus-evenly",
+                detail=f"The {quality.blurred_side} third is out of focus: hold the camera parallel to the page.",
             )
         )
     if quality.line_tilt_rad > p.line_tilt_rad:
         found.append(
             Advice(
-                "flatten-sheet",
-                "Lines of text are crooked: smooth the sheet out, or hold it flat at its corners.",
+                code="flatten-sheet",
+                detail="Lines of text are crooked: smooth the sheet out, or hold it flat at its corners.",
             )
         )
     if quality.contrast < p.least_contrast:
-        found.append(Advice("more-light", "The print is faint against the paper: use more light."))
+        found.append(
+            Advice(code="more-light", detail="The print is faint against the paper: use more light.")
+        )
     if quality.glare_fraction > p.light:
         share = max(1, round(100 * quality.glare_fraction))
         found.append(
             Advice(
-                "avoid-glare", f"Glare covers {share} % of the text: switch off the flash, or move the lamp."
+                code="avoid-glare",
+                detail=f"Glare covers {share} % of the text: switch off the flash, or move the lamp.",
             )
         )
     if quality.shadow_fraction > p.light:
         share = max(1, round(100 * quality.shadow_fraction))
         found.append(
             Advice(
-                "avoid-shadow", f"Shadow without detail covers {share} % of the text: let light fall on it."
+                code="avoid-shadow",
+                detail=f"Shadow without detail covers {share} % of the text: let light fall on it.",
             )
         )
     return tuple(found)

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.kept_pages import KeptPage
 
 TextFormat = Literal["hocr", "alto", "txt", "markdown"]
@@ -110,14 +112,26 @@ class Encoding:
 
 
 @dataclass(frozen=True, slots=True)
-class PageReply:
-    """A flat page, as a worker returns it.
+class FailedPlace:
+    """A page that could not be flattened: its index among all pages of the answer, and the problem."""
 
-    `body` is the image file of type `media_type`, empty when the client wants JSON. `document` is the result of the
-    HTTP contract, ready for JSON. `kept` has what is kept of each page that did not fail, None where nothing is.
+    place: int
+    code: str
+    detail: str
+    field: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class PageReply:
+    """A flat page, or several, as a worker returns them.
+
+    `body` is the file of type `media_type`, empty when the client wants JSON, which is `answer`. That of several pages
+    lacks those that failed: only the app knows the status of a problem. `kept` has what is kept of each page that did
+    not fail, None where nothing is.
     """
 
     body: bytes
     media_type: str
-    document: dict[str, object]
+    answer: RectifyResult | PagesResult | MosaicResult
     kept: tuple[KeptPage | None, ...] = ()
+    failed: tuple[FailedPlace, ...] = ()

@@ -1,7 +1,7 @@
 """Kept photos: what is kept of a page, and what a later answer may change."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from services.contract.rectify import Corners, Crop, Illumination, Rotation
 
@@ -23,9 +23,12 @@ class KeptPage:
 
 @dataclass(frozen=True, slots=True)
 class PageWish:
-    """What a person says about a kept page; None: as it is. `rotate` "auto" is the turn that was found."""
+    """What a person says about a kept page; None: as it is.
 
-    corners: Corners | None = None
+    `corners` "auto" are to be found again; `rotate` "auto" is the turn that was found.
+    """
+
+    corners: Corners | Literal["auto"] | None = None
     rotate: Rotation | str | None = None
     margin: float | None = None
     illumination: Illumination | None = None

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.fields import FieldSetting
 from services.contract.html import HtmlElement
 from services.contract.images import ImageLimits
@@ -130,14 +131,14 @@ class RenderedResults:
 class LayoutReply:
     """A recognized page, as a worker returns it.
 
-    `body` is the requested file of type `media_type`, empty for JSON. `document` is the `LayoutResult` of the HTTP
-    contract without its id. `page` is the page with all measurements; later feedback needs it. `picture` is a JPEG file
+    `body` is the requested file of type `media_type`, empty for JSON, which is `answer`; the store gives its id. `page`
+    is the page with all measurements; later feedback needs it. `picture` is a JPEG file
     of the page, empty unless it shall be kept. `drawn` belongs to a `body` that shows the page with its labels.
     """
 
     body: bytes
     media_type: str
-    document: dict[str, object]
+    answer: LayoutResult
     page: dict[str, object]
     picture: bytes = b""
     drawn: DrawnPage | None = None
@@ -145,9 +146,9 @@ class LayoutReply:
 
 @dataclass(frozen=True, slots=True)
 class DocumentPage:
-    """One page of a document: its `LayoutResult` without the id, the page with all measurements, and its picture."""
+    """One page of a document: its answer without the id, the page with all measurements, and its picture."""
 
-    document: dict[str, object]
+    answer: LayoutResult
     page: dict[str, object]
     picture: bytes = b""
 
@@ -156,11 +157,11 @@ class DocumentPage:
 class DocumentReply:
     """A recognized document of several pages, as a worker returns it.
 
-    `body` is an archive of type `media_type` with one file for each page, or an HTML file; empty for JSON. `document`
-    is the `DocumentResult` of the HTTP contract without its id and its pages. `pages` has the pages.
+    `body` is an archive of type `media_type` with one file for each page, or an HTML file; empty for JSON. `answer` has
+    no id and no pages yet; `pages` has the pages.
     """
 
     body: bytes
     media_type: str
-    document: dict[str, object]
+    answer: DocumentResult
     pages: list[DocumentPage]

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from services.arrays import Homography
+from services.contract.answers.mosaic import Pair
 from services.errors import DocumentError
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.patch_mesh import mesh_of_patch, scale_of_patch
@@ -13,7 +14,7 @@ from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing.adjustment import residual_px
 from services.mosaic.placing.placed_part import PlacedPart
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.mosaic.results import Pair, Patch
+from services.mosaic.results import Patch
 from services.notices import Notice
 
 
@@ -49,13 +50,13 @@ def describe_pairs(flats: Mapping[int, FlatPhoto], part: PlacedPart) -> tuple[Pa
     """The pairs that connect the photos of the page."""
     return tuple(
         Pair(
-            pair.a,
-            pair.b,
-            pair.matches,
-            pair.votes,
-            pair.runner_up_votes,
-            overlap_fraction(flats[pair.a], flats[pair.b], pair.H_a_b),
-            residual_px(pair, part.placements[pair.a], part.placements[pair.b]),
+            a=pair.a,
+            b=pair.b,
+            matches=pair.matches,
+            votes=pair.votes,
+            runner_up_votes=pair.runner_up_votes,
+            overlap_fraction=round(overlap_fraction(flats[pair.a], flats[pair.b], pair.H_a_b), 4),
+            residual_px=round(residual_px(pair, part.placements[pair.a], part.placements[pair.b]), 4),
         )
         for pair in part.pairs
     )

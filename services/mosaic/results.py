@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
+from services.contract.answers.mosaic import Pair
 from services.notices import Notice
 from services.rectify.results import Orientation
 
@@ -26,27 +27,6 @@ class Patch:
     mesh: NDArray[np.float64] | None = None
     scale: float | None = None
     sharpness: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Pair:
-    """Two overlapping photos, `a` < `b`.
-
-    Attributes
-    ----------
-    matches : number of candidate feature matches.
-    votes, runner_up_votes : sizes of the largest and the second largest compatible group (4.3).
-    overlap_fraction : overlap area divided by the area of the smaller view.
-    residual_px : RMS distance of block matches after the global adjustment, mosaic pixels.
-    """
-
-    a: int
-    b: int
-    matches: int
-    votes: int
-    runner_up_votes: int
-    overlap_fraction: float
-    residual_px: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -86,7 +86,7 @@ def _class(name: str | None, classes: Sequence[Mapping[str, Any]]) -> dict[str, 
 
 def _fields(
     zones: Sequence[Mapping[str, Any]], found: Mapping[str, Any], correction: Correction
-) -> list[dict[str, object]]:
+) -> list[dict[str, Any]]:
     """The fields of the verified zones; class and labels are sure, and texts as sure as they were read or given."""
     sure = ClassMatch("", 0, 0.0, _SAID)
     labelled = tuple(
@@ -100,7 +100,8 @@ def _fields(
         for zone in zones
     )
     page = Page(found["width"], found["height"], tuple(each.zone for each in labelled))
-    return describe_fields(Recognition(page, labelled, sure, (sure,)), correction.fields)
+    fields = describe_fields(Recognition(page, labelled, sure, (sure,)), correction.fields)
+    return [field.model_dump(mode="json") for field in fields]
 
 
 def _words(zone: Mapping[str, Any]) -> Iterator[ReadWord]:

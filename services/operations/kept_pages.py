@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from services.arrays import Floats, Points
+from services.contract.answers.rectify import RectifyResult
 from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.kept_pages import KeptPage, PageWish, RenderedPage
 from services.contract.rectify import Crop, RectifyParameters
@@ -32,6 +33,8 @@ from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.held_corners import with_margin
 from services.rectify.view.view_plan import PlannedView, unpack_plan
 
+TURNED_SINCE = " The page was turned by a quarter since then."
+"""About the reason of its size, which speaks of the page as it was found."""
 OWN = ImageLimits(max_megapixels=1000.0)
 """Of pictures that this service has made: views may be larger than the photos of a request."""
 
@@ -53,7 +56,7 @@ def render_kept_page(kept: KeptPage, wish: PageWish, encoding: Encoding) -> tupl
     else:
         page, source = draw_kept(kept, bundle, wish, encoding, timings_ms)
         changed = RenderedPage(_wished(kept.document, wish))
-    reply = make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms)
+    reply = make_reply(page.image, page.answer, page.source(source), encoding, timings_ms)
     return reply, changed
 
 
@@ -78,7 +81,7 @@ def show_kept_photo(bundle: bytes, width: int | None) -> bytes:
 
 
 def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPage:
-    """The page between other corners: its shape is found anew in the kept photo."""
+    """The page between other corners, or those that are found: its shape is found anew in the kept photo."""
     options = dict(kept.document["options"])
     for name in ("margin", "illumination", "crop"):
         said = getattr(wish, name) or kept.document["wish"].get(name)
@@ -87,9 +90,10 @@ def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPag
     turn = wish.rotate if isinstance(wish.rotate, int) else None
     asked = RectifyParameters(
         **options,
-        corners=(wish.corners,),
+        corners=(None if wish.corners == "auto" else wish.corners,),
         rotate=(turn,),
         keep_photo=True,
+        on_no_text="keep",
     )
     picture = page_picture(decode_image(bundle.photo, OWN))._replace(
         is_document=kept.document["is_document"], original=bundle.photo
@@ -164,8 +168,8 @@ def _wished(document: Mapping[str, Any], wish: PageWish) -> dict[str, Any]:
 
 def _described(
     document: Mapping[str, Any], shape: tuple[int, ...], mesh: Floats, turn: int, dpi: float | None
-) -> dict[str, object]:
-    """The `RectifyResult` of a later answer without timings and picture: sizes, mesh and turn are its own."""
+) -> RectifyResult:
+    """The later answer without timings and picture: sizes, mesh and turn are its own."""
     answer, stretch = document["answer"], np.array(document["stretch"])
     orientation = {
         **answer["orientation"],
@@ -180,8 +184,8 @@ def _described(
         if quarters % 2:
             page["width_mm"], page["height_mm"] = page["height_mm"], page["width_mm"]
             page["aspect"] = page["aspect"] and rounded(1 / page["aspect"])
-    return {
-        **answer,
+            page["reason"] += TURNED_SINCE
+    changed = {
         "orientation": orientation,
         "corners": corners,
         "page": page,
@@ -190,9 +194,11 @@ def _described(
         "mesh": {
             "rows": mesh.shape[0],
             "columns": mesh.shape[1],
-            "source": np.round(to_resized(mesh, 1 / stretch), 3),
+            "source": np.round(to_resized(mesh, 1 / stretch), 3).tolist(),
         },
+        "timings_ms": {},
     }
+    return RectifyResult.model_validate({**answer, **changed})
 
 
 def _places(view: PlannedView, turned: Frame, turn: int, mirrored: bool, wide: Frame) -> Points | None:

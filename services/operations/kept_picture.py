@@ -7,6 +7,7 @@ import numpy as np
 from PIL import Image
 
 from services.arrays import RgbImage
+from services.contract.answers.layout import KeptImage
 from services.errors import TooLarge
 from services.imaging.codec import encode_image
 from services.operations.reduced_views import reduce_picture, reduced_size
@@ -25,9 +26,9 @@ class KeptPicture:
     width: int
     height: int
 
-    def describe(self) -> dict[str, object]:
-        """The `image` of a `LayoutResult`."""
-        return {"width": self.width, "height": self.height, "bytes": len(self.body)}
+    def describe(self) -> KeptImage:
+        """The `image` of an answer."""
+        return KeptImage(width=self.width, height=self.height, bytes=len(self.body))
 
 
 def encode_kept_picture(page: RgbImage, most_bytes: int) -> KeptPicture:

@@ -1,7 +1,7 @@
 """Recognition of one page: from its image or its zones, and the models, to its class and labels."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -9,6 +9,8 @@ from functools import partial
 import numpy as np
 
 from services.arrays import RgbImage
+from services.contract.answers.layout import LayoutResult
+from services.contract.answers.page import FlatPage
 from services.contract.fields import FieldSetting
 from services.contract.html import HtmlElement
 from services.contract.layout import (
@@ -52,6 +54,7 @@ from services.operations.rectify import describe_flat_page
 from services.operations.replies import (
     ENCODING_BEGINS,
     describe_orientation,
+    describe_timings,
     describe_warnings,
     timed,
     to_json_ready,
@@ -70,7 +73,7 @@ FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 class MeasuredPage:
     """A page with measured zones, its picture (None without one), and warnings; its lines if we segmented it.
 
-    `flat` is the `page` of the HTTP contract if the page was flattened, and `kept` its picture if it shall be kept.
+    `flat` describes the flat page if the page was flattened, and `kept` its picture if it shall be kept.
     `orientation` is the turn of the uploaded image to `image`; None where it was not looked for.
     """
 
@@ -78,7 +81,7 @@ class MeasuredPage:
     image: RgbImage | None
     notices: tuple[Notice, ...] = ()
     fine: FinePage | None = None
-    flat: Mapping[str, object] | None = None
+    flat: FlatPage | None = None
     kept: KeptPicture | None = None
     orientation: Orientation | None = None
 
@@ -137,18 +140,18 @@ def recognize_picture(
     recognition = complete_recognition(measured.fine, recognition, versions, parameters, features)
     timings_ms |= recognition.timings_ms
     placed = place_page(recognition, versions)
-    document = describe_page(placed, measured, options, models)
+    answer = describe_page(placed, measured, options, models)
     with timed("encode", timings_ms, ENCODING_BEGINS):
         body = (
-            render_html([HtmlPage(document, measured.image, elements_of(placed, models))], options.image_name)
+            render_html([HtmlPage(answer, measured.image, elements_of(placed, models))], options.image_name)
             if options.format == "html"
-            else _encode(recognition, measured.image, options, settings)
+            else _encode(recognition, measured, options, settings)
         )
-    document["timings_ms"] = describe_timings(timings_ms)
+    answer.timings_ms = describe_timings(timings_ms)
     page = to_json_ready(page_to_document(recognition.page))
     picture = b"" if measured.kept is None else measured.kept.body
     drawn = DrawnPage(*place_of_page(recognition)) if options.format == "png" else None
-    return LayoutReply(body, MEDIA_TYPES[options.format], document, page, picture, drawn)
+    return LayoutReply(body, MEDIA_TYPES[options.format], answer, page, picture, drawn)
 
 
 def describe_page(
@@ -156,22 +159,21 @@ def describe_page(
     measured: MeasuredPage,
     options: LayoutOptions,
     models: Sequence[ModelDocument],
-) -> dict[str, object]:
-    """The `LayoutResult` of the HTTP contract without its id and timings; `models` are those that competed."""
+) -> LayoutResult:
+    """The answer without its id and timings; `models` are those that competed."""
     was_read = any(each.zone.words for each in placed.recognition.zones)
-    document = describe_recognition(
+    answer = describe_recognition(
         placed.recognition, explain=options.explain, words=options.words, fields=_types(placed, models)
     )
-    document["part"] = placed.part
-    document["document_class"] = placed.document_class
-    document["language"] = (options.language or default_language()) if was_read else None
-    document["page"] = measured.flat
+    answer.part = placed.part
+    answer.document_class = placed.document_class
+    answer.language = (options.language or default_language()) if was_read else None
+    answer.page = measured.flat
     turned = measured.orientation
-    document["orientation"] = None if turned is None else describe_orientation(turned, turned.rotation_deg)
-    document["image"] = None if measured.kept is None else measured.kept.describe()
-    document["warnings"] = describe_warnings(measured.notices)
-    ready: dict[str, object] = to_json_ready(document)
-    return ready
+    answer.orientation = None if turned is None else describe_orientation(turned, turned.rotation_deg)
+    answer.image = None if measured.kept is None else measured.kept.describe()
+    answer.warnings = describe_warnings(measured.notices)
+    return answer
 
 
 def _types(placed: PageInDocument, models: Sequence[ModelDocument]) -> dict[str, FieldSetting]:
@@ -192,11 +194,6 @@ def _models_of(placed: PageInDocument, models: Sequence[ModelDocument]) -> list[
     return [model for name in names for model in models if model.name == name]
 
 
-def describe_timings(timings_ms: Mapping[str, float]) -> dict[str, float]:
-    """The `timings_ms` of the HTTP contract."""
-    return {stage: round(value, 1) for stage, value in timings_ms.items()}
-
-
 def measure_page(
     decode: Callable[[], PagePicture] | None,
     zones: bytes | None,
@@ -214,7 +211,7 @@ def measure_page(
     picture: RgbImage | None = None
     seen = 0.05
     notices: tuple[Notice, ...] = ()
-    described: Mapping[str, object] | None = None
+    described: FlatPage | None = None
     if decode is not None:
         with timed("decode", timings_ms, 0.02):
             photo = decode()
@@ -253,22 +250,25 @@ def _keep(picture: RgbImage, options: LayoutOptions, timings_ms: dict[str, float
         return encode_kept_picture(picture, options.keep_image_bytes)
 
 
-def write_xml(recognition: Recognition, options: LayoutOptions, image_name: str) -> bytes:
-    """The labelled page as a file of PAGE-XML, or of ALTO."""
+def write_xml(
+    recognition: Recognition, options: LayoutOptions, image_name: str, orientation: Orientation | None = None
+) -> bytes:
+    """The labelled page as a file of PAGE-XML, or of ALTO; `orientation` is that of the image."""
     if not options.words:
         zones = (replace(each, zone=replace(each.zone, words=())) for each in recognition.zones)
         recognition = replace(recognition, zones=tuple(zones))
     write = write_alto if options.format == "alto" else write_page_xml
-    return write(recognition, image_name, datetime.now(UTC))
+    turned_deg = 0 if orientation is None else orientation.rotation_deg
+    return write(recognition, image_name, datetime.now(UTC), turned_deg)
 
 
 def _encode(
-    recognition: Recognition, picture: RgbImage | None, options: LayoutOptions, settings: LayoutSettings
+    recognition: Recognition, measured: MeasuredPage, options: LayoutOptions, settings: LayoutSettings
 ) -> bytes:
     if options.format in ("pagexml", "alto"):
-        return write_xml(recognition, options, options.image_name)
+        return write_xml(recognition, options, options.image_name, measured.orientation)
     if options.format == "png":
-        paper = _blank_page(recognition.page, settings) if picture is None else picture
+        paper = _blank_page(recognition.page, settings) if measured.image is None else measured.image
         return encode_image(draw_overlay(paper, recognition), "png")
     return b""
 

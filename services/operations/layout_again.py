@@ -31,7 +31,7 @@ def recognize_again(
     words: bool,
     document: tuple[str, Part | None] | None = None,
 ) -> dict[str, Any]:
-    """The `FOUND_AGAIN` parts of the `LayoutResult` of the page of a stored result; `words` as in `LayoutOptions`.
+    """The `FOUND_AGAIN` parts, as JSON, of the answer about the page of a stored result; `words` as in `LayoutOptions`.
 
     `document` is for a page of a document: the class of the document, which stays, and the page's part in it.
 
@@ -53,4 +53,5 @@ def recognize_again(
     placed = replace(placed, recognition=with_believable_labels(placed.recognition, versions))
     measured = MeasuredPage(recognition.page, None)
     described = describe_page(placed, measured, LayoutOptions(words=words), models)
-    return {name: described[name] for name in FOUND_AGAIN}
+    found = described.model_dump(mode="json")
+    return {name: found[name] for name in FOUND_AGAIN}

@@ -5,6 +5,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 
+from services.contract.answers.layout import DocumentResult
 from services.contract.layout import (
     MEDIA_TYPES,
     DocumentPage,
@@ -30,7 +31,6 @@ from services.operations.layout import (
     MATCHING_BEGINS,
     MeasuredPage,
     describe_page,
-    describe_timings,
     elements_of,
     measure_page,
     recognize_picture,
@@ -38,12 +38,19 @@ from services.operations.layout import (
     write_xml,
 )
 from services.operations.layout_html import HtmlPage, render_html
-from services.operations.layout_result import describe_classes
+from services.operations.layout_result import describe_class, describe_classes
 from services.operations.page_reading import check_installed
 from services.operations.reader import ocr_engine
-from services.operations.replies import ENCODING_BEGINS, describe_warnings, timed, to_json_ready
+from services.operations.replies import (
+    ENCODING_BEGINS,
+    describe_timings,
+    describe_warnings,
+    timed,
+    to_json_ready,
+)
 from services.operations.stored_models import open_models
 from services.progress import progress_within, report_progress
+from services.rectify.results import Orientation
 
 ARCHIVE = "application/zip"
 MOST_PICTURE_BYTES = 4 * 2**20
@@ -152,23 +159,30 @@ def _recognize_pages(
             pages_of_file = [HtmlPage(*page) for page in zip(documents, pictures, elements, strict=True)]
             body, media_type = render_html(pages_of_file, options.image_name), MEDIA_TYPES["html"]
         elif options.format != "json":
-            body, media_type = _archive(recognition, sources, options), ARCHIVE
+            turns = [measured.orientation for measured in measured_pages]
+            body, media_type = _archive(recognition, sources, options, turns), ARCHIVE
     for stage in dict.fromkeys(stage for timings in page_timings for stage in timings):
         timings_ms[stage] = sum(timings.get(stage, 0.0) for timings in page_timings)
-    document = describe_classes(recognition.chosen, recognition.classes, recognition.unknown_probability)
-    document["warnings"] = describe_warnings(_notices(recognition))
-    document["timings_ms"] = describe_timings(timings_ms)
+    answer = DocumentResult(
+        id="",
+        class_=describe_class(recognition.chosen),
+        classes=describe_classes(recognition.classes),
+        unknown_probability=round(recognition.unknown_probability, 4),
+        pages=[],
+        warnings=describe_warnings(_notices(recognition)),
+        timings_ms=describe_timings(timings_ms),
+    )
+    for described, timings in zip(documents, page_timings, strict=True):
+        described.timings_ms = describe_timings(timings)
     pages = [
         DocumentPage(
-            {**described, "timings_ms": describe_timings(timings)},
+            described,
             to_json_ready(page_to_document(placed.recognition.page)),
             b"" if measured.kept is None else measured.kept.body,
         )
-        for described, placed, measured, timings in zip(
-            documents, recognition.pages, measured_pages, page_timings, strict=True
-        )
+        for described, placed, measured in zip(documents, recognition.pages, measured_pages, strict=True)
     ]
-    return DocumentReply(body, media_type, to_json_ready(document), pages)
+    return DocumentReply(body, media_type, answer, pages)
 
 
 def _measure(
@@ -200,15 +214,18 @@ def _notices(recognition: DocumentRecognition) -> tuple[Notice, ...]:
 
 
 def _archive(
-    recognition: DocumentRecognition, sources: Sequence[PageSource], options: LayoutOptions
+    recognition: DocumentRecognition,
+    sources: Sequence[PageSource],
+    options: LayoutOptions,
+    turns: Sequence[Orientation | None],
 ) -> bytes:
     """A PAGE-XML or ALTO file for each page."""
     files = []
-    for placed, source in zip(recognition.pages, sources, strict=True):
+    for placed, source, turn in zip(recognition.pages, sources, turns, strict=True):
         name = options.image_names[source.upload] if options.image_names else options.image_name
         if source.label.endswith(f"page {source.page + 1}"):
             name += f"#page={source.page + 1}"
-        files.append(write_xml(placed.recognition, options, name))
+        files.append(write_xml(placed.recognition, options, name, turn))
     return zip_files(files)
 
 

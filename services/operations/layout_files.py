@@ -1,9 +1,10 @@
 """Files of stored results, as feedback has corrected them: HTML, PAGE-XML, ALTO, or the page with its labels drawn."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
+from services.contract.answers import layout as answers
+from services.contract.answers.layout import DocumentClass, LayoutResult
 from services.contract.layout import (
     MEDIA_TYPES,
     DrawnPage,
@@ -23,6 +24,7 @@ from services.operations.layout import write_xml
 from services.operations.layout_documents import ARCHIVE, zip_files
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.page_zones import read_kept_page
+from services.rectify.results import Orientation
 
 
 def render_results(
@@ -36,7 +38,7 @@ def render_results(
         When several pages are asked for as a picture, or this release cannot read one.
     """
     if format == "html":
-        html = [HtmlPage(page.document, page.picture or None, page.elements) for page in pages]
+        html = [HtmlPage(_answer(page), page.picture or None, page.elements) for page in pages]
         return RenderedResults(render_html(html, ""), MEDIA_TYPES[format])
     recognized = [_recognition(page, settings) for page in pages]
     if format == "png":
@@ -50,7 +52,10 @@ def render_results(
         body = encode_image(draw_overlay(picture, recognition), "png")
         return RenderedResults(body, MEDIA_TYPES[format], DrawnPage(*place_of_page(recognition)))
     options = LayoutOptions(format=format, words=True)
-    files = [write_xml(each, options, page.name) for each, page in zip(recognized, pages, strict=True)]
+    files = [
+        write_xml(each, options, page.name, _orientation(_answer(page)))
+        for each, page in zip(recognized, pages, strict=True)
+    ]
     if len(files) == 1:
         return RenderedResults(files[0], MEDIA_TYPES[format])
     return RenderedResults(zip_files(files), ARCHIVE)
@@ -58,27 +63,36 @@ def render_results(
 
 def _recognition(kept: KeptResult, settings: LayoutSettings) -> Recognition:
     """The recognition that a stored result describes."""
-    page, result = read_kept_page(kept.page, settings), kept.document
-    shown = {zone["id"]: zone for zone in result["zones"]}
+    page, answer = read_kept_page(kept.page, settings), _answer(kept)
+    shown = {zone.id: zone for zone in answer.zones}
     zones = tuple(
         LabelledZone(
-            replace(zone, words=tuple(map(_word, shown[zone.id].get("words") or ()))),
-            shown[zone.id]["label"],
-            shown[zone.id]["confidence"],
-            shown[zone.id]["group"],
-            shown[zone.id]["order"],
+            replace(zone, words=tuple(map(_word, shown[zone.id].words or ()))),
+            shown[zone.id].label,
+            shown[zone.id].confidence,
+            shown[zone.id].group,
+            shown[zone.id].order,
         )
         for zone in page.zones
     )
-    chosen = None if result["class"] is None else _match(result["class"])
+    chosen = None if answer.class_ is None else _match(answer.class_)
     # Where the class is sure, a person has named it: what was compared says nothing any more.
-    classes = (chosen,) if chosen and chosen.probability >= 1.0 else tuple(map(_match, result["classes"]))
-    return Recognition(page, zones, chosen, classes, result["unknown_probability"])
+    classes = (chosen,) if chosen and chosen.probability >= 1.0 else tuple(map(_match, answer.classes))
+    return Recognition(page, zones, chosen, classes, answer.unknown_probability)
 
 
-def _word(word: Mapping[str, Any]) -> ReadWord:
-    return ReadWord(word["text"], tuple(word["box"]), word["confidence"], word["line"])
+def _answer(kept: KeptResult) -> LayoutResult:
+    return LayoutResult.model_validate({"id": "", **kept.document})
 
 
-def _match(match: Mapping[str, Any]) -> ClassMatch:
-    return ClassMatch(match["name"], match["model_version"] or 0, match["cost"] or 0.0, match["probability"])
+def _orientation(answer: LayoutResult) -> Orientation | None:
+    turned = answer.orientation
+    return None if turned is None else Orientation(turned.rotation_deg, turned.mirrored, turned.confidence)
+
+
+def _word(word: answers.ReadWord) -> ReadWord:
+    return ReadWord(word.text, word.box, word.confidence, word.line)
+
+
+def _match(match: DocumentClass) -> ClassMatch:
+    return ClassMatch(match.name, match.model_version or 0, match.cost or 0.0, match.probability)

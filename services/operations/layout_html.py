@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from services.arrays import RgbImage
+from services.contract.answers.layout import LayoutResult
 from services.contract.html import HtmlElement
 from services.imaging.codec import encode_image
 from services.layout.page import Box
@@ -26,19 +26,19 @@ page would be 500 pictures of it. Later pictures are left out."""
 
 @dataclass(frozen=True, slots=True)
 class HtmlPage:
-    """A `LayoutResult` of the HTTP contract without its id, and the picture of its page: pixels, or a JPEG file.
+    """The answer about a page, and the picture of its page: pixels, or a JPEG file.
 
     `elements` has the elements that settings name, by label. A picture may have fewer pixels than the page.
     """
 
-    document: Mapping[str, Any]
+    answer: LayoutResult
     picture: RgbImage | bytes | None = None
     elements: Mapping[str, HtmlElement] = field(default_factory=dict)
 
 
 def render_html(pages: Sequence[HtmlPage], title: str) -> bytes:
     """The pages as one HTML file; its title is the first heading, and `title` without one."""
-    languages = {page.document.get("language") for page in pages}
+    languages = {page.answer.language for page in pages}
     language = languages.pop() if len(languages) == 1 else None
     return write_html([list(_zones(page)) for page in pages], title, language_tag(language or ""))
 
@@ -49,29 +49,29 @@ def _pixels(picture: RgbImage | bytes | None) -> RgbImage | None:
 
 def _zones(page: HtmlPage) -> Iterator[HtmlZone]:
     """Zones in reading order, with the parts of the picture that they need."""
-    document = page.document
+    answer = page.answer
     pixels = _pixels(page.picture)
     # A date may stand in a zone of another label, which is more than the date.
-    labels = {zone["id"]: zone["label"] for zone in document["zones"]}
+    labels = {zone.id: zone.label for zone in answer.zones}
     dates = {
-        zone: found["value"]
-        for found in document.get("fields", ())
-        if found["type"] == "date" and found["value"] and len(found["zones"]) == 1
-        for zone in found["zones"]
-        if labels[zone] == found["label"]
+        zone: found.value
+        for found in answer.fields
+        if found.type == "date" and found.value and len(found.zones) == 1
+        for zone in found.zones
+        if labels[zone] == found.label
     }
-    left = _MOST_AREA * document["width"] * document["height"]
-    for zone in sorted(document["zones"], key=lambda each: each["order"]):
-        element, text = choose_element(zone["kind"], zone["label"], page.elements), zone["text"]
-        x0, y0, x1, y1 = zone["box"]
+    left = _MOST_AREA * answer.width * answer.height
+    for zone in sorted(answer.zones, key=lambda each: each.order):
+        element, text = choose_element(zone.kind, zone.label, page.elements), zone.text
+        x0, y0, x1, y1 = zone.box
         picture = None
         needs_picture = element != "none" and (element in ("figure", "img") or not text.strip())
         if needs_picture and pixels is not None and (area := (x1 - x0) * (y1 - y0)) <= left:
             left -= area
-            picture = _cut_out(pixels, zone["box"], pixels.shape[1] / document["width"])
+            picture = _cut_out(pixels, zone.box, pixels.shape[1] / answer.width)
         if picture is not None and element in ("ul", "ol", "pre", "figcaption"):
             element = "figure"
-        yield HtmlZone(zone["id"], zone["label"], element, text, dates.get(zone["id"]), picture)
+        yield HtmlZone(zone.id, zone.label, element, text, dates.get(zone.id), picture)
 
 
 def _cut_out(pixels: RgbImage, box: Box, scale: float) -> HtmlPicture:

@@ -149,9 +149,10 @@ def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: Lay
     read = revise_zones(found, replace(drawn, zones=tuple(replace(zone, text="") for zone in drawn.zones)))
     return RevisedPage(
         page=to_json_ready(page_to_document(revised)),
-        zones=to_json_ready(
-            describe_zones(revised, [(zone, zone.label, 1.0, None) for zone in revised.zones])
-        ),
+        zones=[
+            zone.model_dump(mode="json")
+            for zone in describe_zones(revised, [(each, each.label, 1.0, None) for each in revised.zones])
+        ],
         texts=[
             {
                 "zone": given.id,

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from services.contract.answers import mosaic as answers
 from services.contract.cameras import find_camera
 from services.contract.images import Encoding, PageReply
 from services.contract.mosaic import MosaicLimits, MosaicParameters
@@ -13,7 +14,7 @@ from services.imaging.codec import DecodedImage, count_pixels, decode_image
 from services.imaging.looks import scanner_look
 from services.imaging.page_images import naming_page
 from services.mosaic.pipeline import mosaic
-from services.mosaic.results import MosaicResult, Pair, Patch
+from services.mosaic.results import MosaicResult, Patch
 from services.operations.page_reading import READING_CUT, read_flat_page, reading_engine
 from services.operations.reader import ocr_engine
 from services.operations.reduced_views import reduce_mosaic
@@ -113,41 +114,27 @@ def _resolution(photos: Sequence[DecodedImage], result: MosaicResult) -> float |
     return None if resolutions or dpi is None or scale is None else float(round(dpi * scale))
 
 
-def describe_mosaic(result: MosaicResult) -> dict[str, object]:
-    """The `MosaicResult` of the HTTP contract without timings and image."""
+def describe_mosaic(result: MosaicResult) -> answers.MosaicResult:
+    """The answer about a mosaic, without timings and image."""
     height, width = result.image.shape[:2]
-    return {
-        "width": width,
-        "height": height,
-        "base": result.base,
-        "orientation": describe_orientation(result.orientation, None),
-        "patches": [_describe_patch(patch) for patch in result.patches],
-        "pairs": [_describe_pair(pair) for pair in result.pairs],
-        "unplaced": result.unplaced,
-        "warnings": describe_warnings(result.warnings),
-    }
+    return answers.MosaicResult(
+        width=width,
+        height=height,
+        base=result.base,
+        orientation=describe_orientation(result.orientation, None),
+        patches=[_describe_patch(patch) for patch in result.patches],
+        pairs=list(result.pairs),
+        unplaced=list(result.unplaced),
+        warnings=describe_warnings(result.warnings),
+        timings_ms={},
+    )
 
 
-def _describe_patch(patch: Patch) -> dict[str, object]:
+def _describe_patch(patch: Patch) -> answers.Patch:
     mesh = None
     if patch.mesh is not None:
         rows, columns = patch.mesh.shape[:2]
-        mesh = {"rows": rows, "columns": columns, "target": np.round(patch.mesh, 3)}
-    return {
-        "placed": patch.placed,
-        "mesh": mesh,
-        "scale": rounded(patch.scale),
-        "sharpness": rounded(patch.sharpness),
-    }
-
-
-def _describe_pair(pair: Pair) -> dict[str, object]:
-    return {
-        "a": pair.a,
-        "b": pair.b,
-        "matches": pair.matches,
-        "votes": pair.votes,
-        "runner_up_votes": pair.runner_up_votes,
-        "overlap_fraction": rounded(pair.overlap_fraction),
-        "residual_px": rounded(pair.residual_px),
-    }
+        mesh = answers.PatchMesh(rows=rows, columns=columns, target=np.round(patch.mesh, 3).tolist())
+    return answers.Patch(
+        placed=patch.placed, mesh=mesh, scale=rounded(patch.scale), sharpness=rounded(patch.sharpness)
+    )

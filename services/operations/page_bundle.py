@@ -68,7 +68,7 @@ def keep_page(
     if original is None:  # a page of a file of several
         original = encode_image(photo.pixels, "png", dpi=photo.dpi, icc_profile=photo.icc_profile)
     picture = encode_image(result.image, "jpeg", PICTURE_QUALITY, icc_profile=photo.icc_profile)
-    answer = {name: value for name, value in page.document.items() if name != "timings_ms"}
+    answer = page.answer.model_dump(mode="json", exclude={"timings_ms", "text", "page_id"})
     document = {
         "answer": answer,
         "options": {name: getattr(parameters, name) for name in KEPT_OPTIONS},

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
+from services.contract.answers.page_text import PageWord, ReadText
 from services.contract.images import Encoding, TextFormat
 from services.deadline import answered_within, time_left_s
 from services.errors import InvalidOption
@@ -129,24 +130,29 @@ def _region(zone: Zone) -> Region:
     return Region(zone.box, zone.font_size, tuple(word.box for word in zone.words))
 
 
-def describe_text(text: PageText) -> dict[str, object]:
-    """The `text` of the HTTP contract."""
+def describe_text(text: PageText) -> ReadText:
+    """The `text` of an answer."""
     places = text.places or (None,) * len(text.words)
     lines = [number for number, line in enumerate(text.lines) for _ in line.words]
-    return {
-        "language": text.language,
-        "confidence": None if text.confidence is None else round(text.confidence, 4),
-        "words": [
-            {
-                "text": word.text,
-                "confidence": round(probability_right(word.confidence), 4),
-                "box": [round(edge, 2) for edge in word.box],
-                "photo": place,
-                "line": line,
-            }
+    return ReadText(
+        language=text.language,
+        confidence=None if text.confidence is None else round(text.confidence, 4),
+        words=[
+            PageWord(
+                text=word.text,
+                confidence=round(probability_right(word.confidence), 4),
+                box=_rounded_box(word.box),
+                photo=place,
+                line=line,
+            )
             for word, place, line in zip(text.words, places, lines, strict=True)
         ],
-    }
+    )
+
+
+def _rounded_box(box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    x0, y0, x1, y1 = box
+    return round(x0, 2), round(y0, 2), round(x1, 2), round(y1, 2)
 
 
 def write_text(pages: list[PageText], text_format: TextFormat, encoding: Encoding, dpi: float) -> bytes:

@@ -1,41 +1,42 @@
 """Answers that may have several pages: one file with all pages, or a list of their descriptions."""
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast, get_args
+from typing import Any, cast, get_args
 
 from services.arrays import PageImage
-from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
+from services.contract.answers.rectify import PagesResult, RectifyResult
+from services.contract.images import MEDIA_TYPES, Encoding, FailedPlace, PageReply, PagesFormat, TextFormat
 from services.contract.kept_pages import KeptPage
-from services.errors import DocumentError, NotAcceptable
+from services.errors import NotAcceptable
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 from services.imaging.page_files import PagePart, PagesFileFormat, archive_pages, bind_parts, encode_part
 from services.notices import Notice
-from services.operations.page_reading import describe_text, write_text
+from services.operations.page_reading import write_text
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
     add_text_layer,
-    describe_image,
+    describe_timings,
     describe_warnings,
     image_format_of,
+    show_page,
     timed,
-    to_json_ready,
 )
 from services.text.page_text import PageText
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DescribedPage:
-    """One page of an answer: its picture, as `encode_image` takes it, its HTTP document without `image`, and its text.
+    """One page of an answer: its picture, as `encode_image` takes it, its answer without image and text, and its text.
 
     `dpi` is the resolution of the picture, by the true size of the page or by the resolution of the upload; None if
     neither is known.
     """
 
     image: PageImage
-    document: Mapping[str, object]
+    answer: RectifyResult
     text: PageText | None = None
     dpi: float | None = None
     kept: KeptPage | None = None
@@ -48,25 +49,12 @@ class DescribedPage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EncodedPage:
-    """A page without its pixels: its part of the file (None: the answer needs none), and its HTTP document."""
+    """A page without its pixels: its part of the file (None: the reply needs none), and its answer."""
 
     part: PagePart | None
-    document: Mapping[str, object]
+    answer: RectifyResult
     text: PageText | None
     kept: KeptPage | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class FailedPage:
-    """A page that could not be flattened: its index among all pages of the answer, and the error."""
-
-    place: int
-    error: DocumentError
-
-    def document(self) -> dict[str, object]:
-        """Its part of the HTTP document."""
-        error = self.error
-        return {"problem": {"code": error.code, "detail": error.detail, "field": error.field}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +103,8 @@ def encode_page(
         part = encode_part(page.image, kind, target.image_format, quality, dpi, profile)
     elif target.format not in get_args(TextFormat):
         part = PagePart(encode_image(page.image, target.image_format, quality, dpi, profile))
-    text = None if page.text is None else describe_text(page.text)
-    image = describe_image(embedded, target.image_format)
-    return EncodedPage(part, {**page.document, "text": text, **image}, page.text, page.kept)
+    show_page(page.answer, embedded, target.image_format, page.text)
+    return EncodedPage(part, page.answer, page.text, page.kept)
 
 
 def bind_pages(
@@ -126,26 +113,25 @@ def bind_pages(
     encoding: Encoding,
     timings_ms: dict[str, float],
     notices: tuple[Notice, ...] = (),
-    failures: Sequence[FailedPage] = (),
+    failed: Sequence[FailedPlace] = (),
 ) -> PageReply:
-    """The reply with all `pages` (one or more). Its document is `{"pages", "warnings", "timings_ms"}`.
+    """The reply with all `pages` (one or more).
 
-    `notices` concern all pages. `failures` are in the document at their places; a file leaves them out. The function
-    adds `encode` to `timings_ms`.
+    `notices` concern all pages. An archive has the problems of those that `failed`; other files leave them out. The
+    function adds `encode` to `timings_ms`.
     """
     parts = [page.part for page in pages if page.part is not None]
     texts = [page.text for page in pages if page.text is not None]
-    documents = [page.document for page in pages]
-    for failure in sorted(failures, key=lambda failure: failure.place):
-        documents.insert(failure.place, failure.document())
-    numbers = [number for number, document in enumerate(documents, 1) if "problem" not in document]
     body = b""
-    described = to_json_ready(documents)
-    assert isinstance(described, list)
     with timed("encode", timings_ms, ENCODING_BEGINS):
         if target.format in get_args(TextFormat):
             body = write_text(texts, cast(TextFormat, target.format), encoding, DEFAULT_DPI)
         elif target.format == "zip":
+            described: list[Any] = [page.answer.model_dump(mode="json") for page in pages]
+            for each in sorted(failed, key=lambda each: each.place):
+                problem = {"code": each.code, "detail": each.detail, "field": each.field}
+                described.insert(each.place, {"problem": problem})
+            numbers = [number for number, page in enumerate(described, 1) if "problem" not in page]
             images = [part.data for part in parts]
             body = archive_pages(images, target.image_format, numbers, described, encoding.archive)
         elif target.format == "tiff":
@@ -159,12 +145,13 @@ def bind_pages(
             )
         elif parts:
             body = parts[0].data
-    ready: dict[str, object] = {
-        "pages": described,
-        "warnings": describe_warnings(notices),
-        "timings_ms": {stage: round(value, 1) for stage, value in timings_ms.items()},
-    }
-    return PageReply(body, MEDIA_TYPES[target.format], ready, tuple(page.kept for page in pages))
+    answer = PagesResult(
+        pages=[page.answer for page in pages],
+        warnings=describe_warnings(notices),
+        timings_ms=describe_timings(timings_ms),
+    )
+    kept = tuple(page.kept for page in pages)
+    return PageReply(body, MEDIA_TYPES[target.format], answer, kept, tuple(failed))
 
 
 def make_pages_reply(

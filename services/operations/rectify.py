@@ -1,12 +1,15 @@
 """The flat view of one photo: decode, run the pipeline, encode."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 
 import numpy as np
 
-from services.arrays import Points, Vector
+from services.arrays import Vector
+from services.contract.answers import rectify as answers
+from services.contract.answers.capture import Quality
+from services.contract.answers.page import FlatPage, Mesh, Point, Size
 from services.contract.images import Encoding, PageReply
 from services.contract.rectify import RectifyParameters
 from services.documents.paper_size import measure_size, size_of_photo
@@ -26,6 +29,7 @@ from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
     describe_orientation,
+    describe_timings,
     describe_warnings,
     make_reply,
     rounded,
@@ -82,12 +86,12 @@ def rectify_picture(
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
     if parameters.preview:
         page, spent_ms = describe_preview(photo, parameters)
-        return make_reply(page.image, dict(page.document), source, encoding, timings_ms | spent_ms)
+        return make_reply(page.image, page.answer, source, encoding, timings_ms | spent_ms)
     with progress_within(0.03, end):
         result = _flatten(photo, parameters)
     page = describe_page(result, parameters, encoding, photo)
     timings_ms |= result.timings_ms
-    reply = make_reply(page.image, dict(page.document), page.source(source), encoding, timings_ms, page.text)
+    reply = make_reply(page.image, page.answer, page.source(source), encoding, timings_ms, page.text)
     return replace(reply, kept=(page.kept,))
 
 
@@ -191,7 +195,7 @@ def _document(
     view: RectifyResult,
     parameters: RectifyParameters,
     photo: PagePicture,
-    quality: dict[str, object] | None,
+    quality: Quality | None,
 ) -> DescribedPage:
     """The description of `result`, with the picture and the sizes of `view`, which may be a reduced one."""
     height, width = result.image.shape[:2]
@@ -210,26 +214,20 @@ def _document(
         enlarged = _pixels_per_photo_pixel(result)
         page = size_of_photo(width, height, None if photo.dpi is None else photo.dpi * enlarged)
     dpi = None if page.dpi is None else page.dpi * scale
-    timings_ms = {stage: round(value, 1) for stage, value in result.timings_ms.items()}
-    described = describe_rectification(in_pixels_of_file(view, photo.stretch), photo.size)
-    camera = described["camera"]
-    assert isinstance(camera, dict)
     exif_px = (
         photo.focal_length_px if photo.focal_length_px is None else photo.focal_length_px * photo.reduction
     )
     seen = seen_focal_length(PhotoFrame(*photo.size), result.camera, parameters, exif_px)
-    camera["name"] = parameters.camera
-    camera["page_focal_length_px"] = rounded(seen and seen[0], 2)
-    camera["page_focal_deviation"] = rounded(seen and seen[1])
-    document = {
-        **described,
-        "page": {**asdict(page), "dpi": rounded(dpi, 1)},
-        "quality": quality,
-        "timings_ms": timings_ms,
-    }
+    answer = describe_rectification(in_pixels_of_file(view, photo.stretch), photo.size)
+    answer.camera.name = parameters.camera
+    answer.camera.page_focal_length_px = rounded(seen and seen[0], 2)
+    answer.camera.page_focal_deviation = rounded(seen and seen[1])
+    answer.page = answers.PageSize(**asdict(replace(page, dpi=rounded(dpi, 1))))
+    answer.quality = quality
+    answer.timings_ms = describe_timings(result.timings_ms)
     if dpi is None and photo.dpi is not None:
         dpi = photo.dpi * _pixels_per_photo_pixel(view)
-    return DescribedPage(view.image, document, None, dpi)
+    return DescribedPage(view.image, answer, None, dpi)
 
 
 def _pixels_per_photo_pixel(view: RectifyResult) -> float:
@@ -241,86 +239,89 @@ def _pixels_per_photo_pixel(view: RectifyResult) -> float:
     return 1 / max(float(np.nanmedian(np.concatenate([across.ravel(), down.ravel()]))), 1e-9)
 
 
-def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:
+def describe_flat_page(result: RectifyResult, photo_size: tuple[int, int]) -> FlatPage:
     """Where the flat page lies in the photo of `photo_size` (width, height): sizes, corners, orientation and mesh."""
     height, width = result.image.shape[:2]
-    corners = [None] * 4 if result.corners is None else list(map(_finite_corner, result.corners))
-    return {
-        "photo": {"width": photo_size[0], "height": photo_size[1]},
-        "corners": corners,
-        "orientation": describe_orientation(result.orientation, turn_against_photo(result.mesh)),
-        "width": width,
-        "height": height,
-        "mesh": {
-            "rows": result.mesh.shape[0],
-            "columns": result.mesh.shape[1],
-            "source": np.round(result.mesh, 3),  # a thousandth of a pixel; 17 digits would triple the JSON
-        },
-    }
+    corners: list[Point | None] = [None] * 4
+    if result.corners is not None:
+        corners = [_rounded_point(each, 2) for each in result.corners]
+    rows, columns = result.mesh.shape[:2]
+    # A thousandth of a pixel; 17 digits would triple the JSON.
+    mesh = Mesh(rows=rows, columns=columns, source=np.round(result.mesh, 3).tolist())
+    return FlatPage(
+        photo=Size(width=photo_size[0], height=photo_size[1]),
+        corners=corners,
+        orientation=describe_orientation(result.orientation, turn_against_photo(result.mesh)),
+        width=width,
+        height=height,
+        mesh=mesh,
+    )
 
 
-def _finite_corner(corner: Points) -> list[float] | None:
-    return [round(float(value), 2) for value in corner] if np.isfinite(corner).all() else None
+def describe_rectification(result: RectifyResult, photo_size: tuple[int, int]) -> answers.RectifyResult:
+    """The answer about a page, without timings and image; degrees, pixels of the EXIF-upright photo."""
+    evidence, camera = result.evidence, result.camera
+    field_of_view_rad = camera.field_of_view_rad
+    flat = describe_flat_page(result, photo_size)
+    return answers.RectifyResult(
+        kind=result.kind,
+        evidence=answers.Evidence(
+            major_convergence=rounded(evidence.major_convergence, 6),
+            minor_convergence=rounded(evidence.minor_convergence, 6),
+            text_area_fraction=round(evidence.text_area_fraction, 4),
+            source=list(evidence.source),
+            outline_confidence=rounded(evidence.outline_confidence),
+            sides_seen=evidence.sides_seen,
+            print_kept=rounded(evidence.print_kept),
+            flatness_error_percent=rounded(evidence.flatness_error_percent, 2),
+        ),
+        camera=answers.Camera(
+            focal_length_px=rounded(camera.focal_length_px, 2),
+            field_of_view_deg=rounded(field_of_view_rad and math.degrees(field_of_view_rad), 3),
+            source=camera.source,
+            principal_point=camera.principal_point and _rounded_point(camera.principal_point),
+            principal_point_source=camera.principal_point_source,
+        ),
+        surface=_describe_surface(result.surface),
+        **{name: getattr(flat, name) for name in FlatPage.model_fields},
+        warnings=describe_warnings(result.warnings),
+        timings_ms={},
+    )
 
 
-def describe_rectification(result: RectifyResult, photo_size: tuple[int, int]) -> dict[str, object]:
-    """The `RectifyResult` of the HTTP contract without timings and image; degrees, pixels of the EXIF-upright photo."""
-    field_of_view_rad = result.camera.field_of_view_rad
-    return {
-        "kind": result.kind,
-        "evidence": {
-            "major_convergence": rounded(result.evidence.major_convergence, 6),
-            "minor_convergence": rounded(result.evidence.minor_convergence, 6),
-            "text_area_fraction": rounded(result.evidence.text_area_fraction),
-            "source": list(result.evidence.source),
-            "outline_confidence": rounded(result.evidence.outline_confidence),
-            "sides_seen": result.evidence.sides_seen,
-            "print_kept": rounded(result.evidence.print_kept),
-            "flatness_error_percent": rounded(result.evidence.flatness_error_percent, 2),
-        },
-        "camera": {
-            "focal_length_px": rounded(result.camera.focal_length_px, 2),
-            "field_of_view_deg": None
-            if field_of_view_rad is None
-            else rounded(math.degrees(field_of_view_rad), 3),
-            "source": result.camera.source,
-            "principal_point": _describe_point(result.camera.principal_point),
-            "principal_point_source": result.camera.principal_point_source,
-        },
-        "surface": _describe_surface(result.surface),
-        **describe_flat_page(result, photo_size),
-        "warnings": describe_warnings(result.warnings),
-    }
-
-
-def _describe_surface(surface: Surface) -> dict[str, object]:
+def _describe_surface(surface: Surface) -> answers.Plane | answers.CreasedSheet | answers.Strips:
     match surface:
         case PlaneSurface(normal):
-            return {"type": "plane", "normal": normal}
+            return answers.Plane(normal=normal)
         case MeshSurface(points, normals):
             rows, columns = points.shape[:2]
-            described = {"points": np.round(points, 2), "normals": np.round(normals, 4)}
-            return {"type": "mesh", "rows": rows, "columns": columns, **described}
+            return answers.CreasedSheet(
+                rows=rows,
+                columns=columns,
+                points=np.round(points, 2).tolist(),
+                normals=np.round(normals, 4).tolist(),
+            )
         case StripsSurface(normals, points, angles_rad, vanishing_points):
             rulings = [
-                {
-                    "point": np.round(point, 3).tolist(),
-                    "angle_deg": round(float(np.degrees(angle)), 4),
-                    "vanishing_point": _finite_point(vanishing_point),
-                }
+                answers.Ruling(
+                    point=np.round(point, 3).tolist(),
+                    angle_deg=round(float(np.degrees(angle)), 4),
+                    vanishing_point=_finite_point(vanishing_point),
+                )
                 for point, angle, vanishing_point in zip(points, angles_rad, vanishing_points, strict=True)
             ]
-            return {"type": "strips", "normals": np.round(normals, 6).tolist(), "rulings": rulings}
+            return answers.Strips(normals=np.round(normals, 6).tolist(), rulings=rulings)
 
 
-def _describe_point(point: tuple[float, float] | None) -> list[float] | None:
-    return None if point is None else [round(point[0], 3), round(point[1], 3)]
+def _rounded_point(point: Iterable[float], decimals: int = 3) -> Point | None:
+    """(x, y) with `decimals`; None where it is not finite."""
+    x, y = (float(value) for value in point)
+    return (round(x, decimals), round(y, decimals)) if math.isfinite(x) and math.isfinite(y) else None
 
 
-def _finite_point(homogeneous: Vector, limit_px: float = 1e7) -> list[float] | None:
+def _finite_point(homogeneous: Vector, limit_px: float = 1e7) -> Point | None:
     """(x, y) of a homogeneous point (3,); None at infinity or farther away than `limit_px`."""
     point, third = homogeneous[:2], float(homogeneous[2])
     if float(np.abs(point).max()) >= limit_px * abs(third):
         return None
-    x, y = point / third
-    return [round(float(x), 3), round(float(y), 3)]
+    return _rounded_point(point / third)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from services.contract.images import DocumentLimits, Encoding, PageReply
+from services.contract.images import DocumentLimits, Encoding, FailedPlace, PageReply
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError, InvalidOption, NotDoneInTime
 from services.heap import release_freed_memory
@@ -13,7 +13,6 @@ from services.operations.page_reading import reading_engine
 from services.operations.pages_reply import (
     DescribedPage,
     EncodedPage,
-    FailedPage,
     PagesTarget,
     bind_pages,
     choose_target,
@@ -141,12 +140,13 @@ def _bind(
     outcomes: Sequence[SourceOutcome], target: PagesTarget, encoding: Encoding, timings_ms: dict[str, float]
 ) -> PageReply:
     encoded: list[EncodedPage] = []
-    failures: list[FailedPage] = []
+    failed: list[FailedPlace] = []
     for outcome in outcomes:
         if outcome.error is not None:
-            failures.append(FailedPage(len(encoded) + len(failures), outcome.error))
+            error = outcome.error
+            failed.append(FailedPlace(len(encoded) + len(failed), error.code, error.detail, error.field))
         encoded += outcome.pages
-    return bind_pages(encoded, target, encoding, timings_ms, _notices(failures), failures)
+    return bind_pages(encoded, target, encoding, timings_ms, _notices(failed), failed)
 
 
 def _decode(source: PageSource, timings_ms: dict[str, float], enough_px: int | None) -> PagePicture:
@@ -158,9 +158,7 @@ def _decode(source: PageSource, timings_ms: dict[str, float], enough_px: int | N
 
 
 def _add_timings(timings_ms: dict[str, float], page: DescribedPage) -> None:
-    stages = page.document["timings_ms"]
-    assert isinstance(stages, dict)
-    for stage, spent in stages.items():
+    for stage, spent in page.answer.timings_ms.items():
         timings_ms[stage] = timings_ms.get(stage, 0.0) + spent
 
 
@@ -174,10 +172,10 @@ def _named(error: DocumentError, source: PageSource) -> DocumentError:
     return type(error)(f"{source.label}: {error.detail}", field)
 
 
-def _notices(failures: Sequence[FailedPage]) -> tuple[Notice, ...]:
-    if not failures:
+def _notices(failed: Sequence[FailedPlace]) -> tuple[Notice, ...]:
+    if not failed:
         return ()
-    numbers = ", ".join(str(failure.place + 1) for failure in failures)
+    numbers = ", ".join(str(each.place + 1) for each in failed)
     return (
         Notice(
             "pages-failed",

@@ -62,7 +62,10 @@ def reduce_mosaic(result: MosaicResult, encoding: Encoding) -> MosaicResult:
         result,
         image=reduce_picture(result.image, width, height),
         patches=tuple(_reduce_patch(patch, factors, scale) for patch in result.patches),
-        pairs=tuple(replace(pair, residual_px=pair.residual_px * scale) for pair in result.pairs),
+        pairs=tuple(
+            pair.model_copy(update={"residual_px": round(pair.residual_px * scale, 4)})
+            for pair in result.pairs
+        ),
     )
 
 

@@ -1,12 +1,9 @@
-"""Replies with a flat page: the page as a file, or its description as values that JSON can hold.
-
-Callers convert radians to degrees before.
-"""
+"""Replies with a flat page: the page as a file, or its answer."""
 
 import base64
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast, get_args
@@ -14,7 +11,11 @@ from typing import Any, cast, get_args
 import numpy as np
 
 from services.arrays import PageImage
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.page import Orientation, Warning
+from services.contract.answers.rectify import RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
+from services.contract.rectify import Rotation
 from services.documents.searchable_pdf import PdfFacts, finish_pdf
 from services.heap import release_freed_memory
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, UploadFormat, encode_image
@@ -23,7 +24,7 @@ from services.notices import Notice
 from services.ocr.languages import language_tag
 from services.operations.page_reading import describe_text, write_text
 from services.progress import report_progress
-from services.rectify.results import Orientation
+from services.rectify.results import Orientation as TurnedView
 from services.text.page_text import PageText
 
 ENCODING_BEGINS = 0.95
@@ -41,7 +42,7 @@ class SourceFacts:
 
 def make_reply(
     page: PageImage,
-    document: dict[str, object],
+    answer: RectifyResult | MosaicResult,
     source: SourceFacts,
     encoding: Encoding,
     timings_ms: dict[str, float],
@@ -49,8 +50,8 @@ def make_reply(
 ) -> PageReply:
     """The reply with the page in the requested encoding.
 
-    `document` describes the page, `text` is what was read on it. The function adds `encode` to `timings_ms`, and puts
-    `timings_ms`, `text`, `image` and `image_media_type` into the document.
+    `answer` describes the page, `text` is what was read on it. The function adds `encode` to `timings_ms`, and puts
+    `timings_ms`, `text`, `image` and `image_media_type` into the answer.
 
     Raises
     ------
@@ -67,14 +68,11 @@ def make_reply(
     if is_json:
         embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
         body = b""
-    rounded_ms = {stage: round(value, 1) for stage, value in timings_ms.items()}
-    described = None if text is None else describe_text(text)
-    image = describe_image(embedded, image_format)
-    ready = to_json_ready({**document, "text": described, "timings_ms": rounded_ms, **image})
-    assert isinstance(ready, dict)
+    answer.timings_ms = describe_timings(timings_ms)
+    show_page(answer, embedded, image_format, text)
     if encoding.format == "zip":
-        body = archive_pages([body], image_format, [1], [ready], encoding.archive)
-    return PageReply(body, MEDIA_TYPES[encoding.format or image_format], ready)
+        body = archive_pages([body], image_format, [1], [answer.model_dump(mode="json")], encoding.archive)
+    return PageReply(body, MEDIA_TYPES[encoding.format or image_format], answer)
 
 
 def _encode_page(
@@ -114,29 +112,41 @@ def image_format_of(source: SourceFacts, asked: PagesFormat | None) -> OutputFor
     return "jpeg" if source.format == "heic" else source.format
 
 
-def describe_image(embedded: str | None, image_format: OutputFormat) -> dict[str, str | None]:
-    """`image` and `image_media_type` of the HTTP contract, from an image in base64."""
-    return {"image": embedded, "image_media_type": None if embedded is None else MEDIA_TYPES[image_format]}
+def show_page(
+    answer: RectifyResult | MosaicResult,
+    embedded: str | None,
+    image_format: OutputFormat,
+    text: PageText | None,
+) -> None:
+    """Put the picture of a page, in base64, and its text into its answer."""
+    answer.text = None if text is None else describe_text(text)
+    answer.image = embedded
+    answer.image_media_type = None if embedded is None else MEDIA_TYPES[image_format]
 
 
-def describe_orientation(orientation: Orientation, photo_rotation_deg: float | None) -> dict[str, object]:
-    """The `orientation` of the HTTP contract; the second turn is that against the only photo, None of a mosaic."""
-    return {
-        "rotation_deg": orientation.rotation_deg,
-        "mirrored": orientation.mirrored,
-        "confidence": rounded(orientation.confidence),
-        "photo_rotation_deg": None if photo_rotation_deg is None else round(photo_rotation_deg, 1) % 360,
-    }
+def describe_orientation(orientation: TurnedView, photo_rotation_deg: float | None) -> Orientation:
+    """The `orientation` of an answer; the second turn is that against the only photo, None of a mosaic."""
+    return Orientation(
+        rotation_deg=cast(Rotation, orientation.rotation_deg),
+        mirrored=orientation.mirrored,
+        confidence=rounded(orientation.confidence),
+        photo_rotation_deg=None if photo_rotation_deg is None else round(photo_rotation_deg, 1) % 360,
+    )
 
 
-def describe_warnings(notices: tuple[Notice, ...]) -> list[dict[str, str]]:
-    """The `warnings` of the HTTP contract."""
-    return [{"code": notice.code, "detail": notice.detail} for notice in notices]
+def describe_warnings(notices: tuple[Notice, ...]) -> list[Warning]:
+    """The `warnings` of an answer."""
+    return [Warning(code=notice.code, detail=notice.detail) for notice in notices]
+
+
+def describe_timings(timings_ms: Mapping[str, float]) -> dict[str, float]:
+    """The `timings_ms` of an answer."""
+    return {stage: round(value, 1) for stage, value in timings_ms.items()}
 
 
 def rounded(value: float | None, decimals: int = 4) -> float | None:
-    """A number without the decimals that mean nothing; None stays None."""
-    return None if value is None else round(float(value), decimals)
+    """A number without the decimals that mean nothing; None where there is no finite one."""
+    return None if value is None or not math.isfinite(value) else round(float(value), decimals)
 
 
 def to_json_ready(value: Any) -> Any:

@@ -6,7 +6,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.layout_store import DATABASE
+from app.storage.layout_store import DATABASE
 from tests.app.serving import forget_everything, serving
 from tests.models.databases import make_file
 

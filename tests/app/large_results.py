@@ -5,6 +5,10 @@ import json
 from dataclasses import replace
 from typing import Any
 
+from app.schemas.layout import result_of
+from services.contract.answers.layout import DocumentResult
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import DocumentLimits, Encoding, PageReply
 from services.contract.layout import (
     DocumentPage,
@@ -63,8 +67,9 @@ def rectify(
     """As many pages as there are uploads, each with a mesh; a single one with its image."""
     image = base64.b64encode(bytes(_IMAGE_BYTES)).decode() if len(uploads) == 1 else None
     mesh = _mesh("source")
-    pages = [{**rectified_document(parameters, encoding, image), "mesh": mesh} for _ in uploads]
-    whole: dict[str, object] = {"pages": pages, "warnings": [], "timings_ms": {}}
+    document = {**rectified_document(parameters, encoding, image), "mesh": mesh}
+    pages = [RectifyResult.model_validate(document) for _ in uploads]
+    whole = PagesResult(pages=[*pages], warnings=[], timings_ms={})
     return PageReply(b"", "application/json", whole if len(uploads) > 1 else pages[0])
 
 
@@ -74,7 +79,8 @@ def mosaic(
     """A mosaic with a mesh of each photo, and its image."""
     document = mosaic_document(len(uploads), {}, base64.b64encode(bytes(_IMAGE_BYTES)).decode())
     placed = {"placed": True, "mesh": _mesh("target"), "scale": 1.25, "sharpness": 1.0}
-    return PageReply(b"", "application/json", {**document, "patches": [placed] * len(uploads)})
+    answer = MosaicResult.model_validate({**document, "patches": [placed] * len(uploads)})
+    return PageReply(b"", "application/json", answer)
 
 
 def recognize_layout(
@@ -88,10 +94,12 @@ def recognize_layout(
     """A page, or as many as there are images, of many zones with their words."""
     if len(images) < 2:
         page = _recognized(models)
-        return LayoutReply(b"", "application/json", page.document, page.page, b"", None)
+        return LayoutReply(b"", "application/json", page.answer, page.page, b"", None)
     pages = [_recognized(models) for _ in images]
-    names = ("class", "classes", "unknown_probability", "warnings", "timings_ms")
-    return DocumentReply(b"", "application/json", {name: pages[0].document[name] for name in names}, pages)
+    first = pages[0].answer
+    names = ("class_", "classes", "unknown_probability", "warnings", "timings_ms")
+    answer = DocumentResult(id="", pages=[], **{name: getattr(first, name) for name in names})
+    return DocumentReply(b"", "application/json", answer, pages)
 
 
 def _recognized(models: list[ModelDocument]) -> DocumentPage:
@@ -108,7 +116,8 @@ def _recognized(models: list[ModelDocument]) -> DocumentPage:
     shown = document["zones"]
     assert isinstance(shown, list)
     document |= {"zones": [{**zone, "words": words} for zone in shown], "fields": fields}
-    return DocumentPage(json.loads(json.dumps(document)), page, b"")  # pickle would send what is equal once
+    answer = result_of(json.loads(json.dumps(document)), "")  # pickle would send what is equal once
+    return DocumentPage(answer, page, b"")
 
 
 def import_model(name: str, document: bytes) -> ModelDraft:

@@ -10,9 +10,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from app.schemas.layout_samples import PageBody
-from app.schemas.page import FlatPage
 from services import errors
-from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, PageReply
+from services.contract.answers.layout import DocumentResult, LayoutResult
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.page import FlatPage, Warning
+from services.contract.answers.rectify import PagesResult, RectifyResult
+from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, FailedPlace, PageReply
 from services.contract.kept_pages import KeptPage as KeptPhoto
 from services.contract.kept_pages import PageWish, RenderedPage
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
@@ -62,11 +65,11 @@ def rectify(
         return _reply_of_uploads(uploads, parameters, encoding, Path(journal), too_slow)
     verb = follow(uploads[0], "image")
     if verb == b"unpicklable":
-        return PageReply(lambda: None, "image/jpeg", {})  # type: ignore[arg-type]
+        return PageReply(lambda: None, "image/jpeg", None)  # type: ignore[arg-type]
     if parameters.pages == "both":
         return _reply_of_pages(verb, parameters, encoding)
     creased = {"kind": "curved", "surface": CREASED_SHEET} if verb == b"creased" else {}
-    reply = _reply(encoding, lambda image: rectified_document(parameters, encoding, image) | creased)
+    reply = _reply(encoding, lambda image: _rectified(parameters, encoding, image, creased))
     return replace(reply, kept=(kept_photo(parameters),)) if parameters.keep_photo else reply
 
 
@@ -97,11 +100,11 @@ def bind_done_pages(journal: str, encoding: Encoding, reason: str) -> PageReply:
     return _reply_of_all([*pages, *missing], encoding)
 
 
-def _done(journal: Path) -> list[dict[str, object]]:
+def _done(journal: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines()[1:]]
 
 
-def _write_done(journal: Path, pages: list[dict[str, object]], count: int) -> None:
+def _write_done(journal: Path, pages: list[dict[str, Any]], count: int) -> None:
     journal.write_text("\n".join(map(json.dumps, [count, *pages])), encoding="utf-8")
 
 
@@ -109,12 +112,16 @@ def _failed(error: errors.DocumentError) -> dict[str, object]:
     return {"problem": {"code": error.code, "detail": error.detail, "field": error.field}}
 
 
-def _reply_of_all(pages: list[dict[str, object]], encoding: Encoding) -> PageReply:
-    whole = {"pages": pages, "warnings": [], "timings_ms": {"decode": 1.25}}
+def _reply_of_all(pages: list[dict[str, Any]], encoding: Encoding) -> PageReply:
+    flat = [RectifyResult.model_validate(page) for page in pages if "problem" not in page]
+    failed = tuple(
+        FailedPlace(place, **page["problem"]) for place, page in enumerate(pages) if "problem" in page
+    )
+    whole = PagesResult(pages=flat, warnings=[], timings_ms={"decode": 1.25})
     if encoding.pages_format is None:
         raise errors.NotAcceptable(f"{len(pages)} pages, and the format holds one.", "format")
     body = b"" if encoding.pages_format == "json" else f"{len(pages)} as {encoding.pages_format}".encode()
-    return PageReply(body, MEDIA_TYPES[encoding.pages_format], whole)
+    return PageReply(body, MEDIA_TYPES[encoding.pages_format], whole, failed=failed)
 
 
 def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encoding) -> PageReply:
@@ -123,11 +130,12 @@ def _reply_of_pages(verb: bytes, parameters: RectifyParameters, encoding: Encodi
     if count > 1 and chosen is None:
         raise errors.NotAcceptable(f"{count} pages, and the format holds one.", "format")
     embedded = base64.b64encode(b"flat").decode() if encoding.embed and chosen == "json" else None
-    whole = {
-        "pages": [rectified_document(parameters, encoding, embedded)] * count,
-        "warnings": [{"code": "whole", "detail": "of all pages"}],
-        "timings_ms": {"decode": 1.25},
-    }
+    page = RectifyResult.model_validate(rectified_document(parameters, encoding, embedded))
+    whole = PagesResult(
+        pages=[page] * count,
+        warnings=[Warning(code="whole", detail="of all pages")],
+        timings_ms={"decode": 1.25},
+    )
     body = b"" if chosen == "json" else f"{count} as {chosen}".encode()
     return PageReply(body, MEDIA_TYPES[chosen or "jpeg"], whole)
 
@@ -139,10 +147,18 @@ def mosaic(
     for index, file in enumerate(uploads):
         follow(file, f"images[{index}]")
     asked = {"options": parameters, "encoding": encoding, "limits": limits, "bytes": list(map(len, uploads))}
-    return _reply(encoding, lambda image: mosaic_document(len(uploads), asked, image))
+    return _reply(
+        encoding, lambda image: MosaicResult.model_validate(mosaic_document(len(uploads), asked, image))
+    )
 
 
-def _reply(encoding: Encoding, describe: Callable[[str | None], dict[str, object]]) -> PageReply:
+def _rectified(
+    parameters: RectifyParameters, encoding: Encoding, image: str | None, other: dict[str, object]
+) -> RectifyResult:
+    return RectifyResult.model_validate(rectified_document(parameters, encoding, image) | other)
+
+
+def _reply(encoding: Encoding, describe: Callable[[str | None], RectifyResult | MosaicResult]) -> PageReply:
     embedded = base64.b64encode(b"flat").decode() if encoding.embed and encoding.format == "json" else None
     body = b"" if encoding.format == "json" else f"flat as {encoding.format}".encode()
     return PageReply(body, MEDIA_TYPES[encoding.format or "jpeg"], describe(embedded))
@@ -230,13 +246,17 @@ def recognize_layout(
         document["page"] = {name: flat[name] for name in FlatPage.model_fields}
     if count < 2 or options.page is not None:
         drawn = DrawnPage(1.5, 1.25, 0, 60) if options.format == "png" else None
-        return LayoutReply(body, media_type, document, page, picture, drawn)
-    whole = {
-        name: document[name] for name in ("class", "classes", "unknown_probability", "warnings", "timings_ms")
-    }
+        return LayoutReply(body, media_type, _result(document), page, picture, drawn)
+    names = ("class", "classes", "unknown_probability", "warnings", "timings_ms")
+    whole = DocumentResult.model_validate({"id": "", "pages": [], **{name: document[name] for name in names}})
     media_type = media_type if options.format in ("json", "html") else "application/zip"
     document |= {"part": "first" if models else None, "document_class": models[0].name if models else None}
-    return DocumentReply(body, media_type, whole, [DocumentPage(document, page, picture)] * count)
+    pages = [DocumentPage(_result(document), page, picture) for _ in range(count)]
+    return DocumentReply(body, media_type, whole, pages)
+
+
+def _result(document: dict[str, Any]) -> LayoutResult:
+    return LayoutResult.model_validate({"id": "", **document})
 
 
 def recognize_again(

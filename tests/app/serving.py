@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 import httpx
 import uvicorn
 
-from app.layout_store import DATABASE
 from app.main import create_app
 from app.settings import Settings
+from app.storage.layout_store import DATABASE
 from models.tables import Table
 from services.contract.operations import Operations
 from tests.app.loop_watch import LoopWatch, watched

@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.archives import UploadedArchive
+from app.http.archives import UploadedArchive
 from services.errors import DocumentError, InvalidOption, TooLarge
 from tests.app.hostile_archives import DIRECTORY, END, entry, mutated, packed, streamed, with_directory
 from tests.app.scripted import PAGE, model_document

@@ -7,7 +7,7 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from app.authentication import OPEN_PATHS
+from app.access.authentication import OPEN_PATHS
 from app.main import create_app
 from app.settings import Settings
 from tests.app.scripted import OPERATIONS

@@ -9,11 +9,11 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.backup_note import NAME, TEXT
-from app.layout_store import DATABASE
+from app.learning.remeasuring import remeasure
 from app.main import create_app
-from app.remeasuring import remeasure
 from app.settings import Settings
+from app.storage.backup_note import NAME, TEXT
+from app.storage.layout_store import DATABASE
 from tests.app.scripted import OPERATIONS
 from tests.app.scripts import upload
 from tests.app.serving import SETTINGS, serving
@@ -54,7 +54,7 @@ def test_the_documented_backup_brings_everything_back(tmp_path: Path) -> None:
 def test_the_database_alone_says_what_is_missing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.remeasuring.configure_logs", lambda level: None)
+    monkeypatch.setattr("app.learning.remeasuring.configure_logs", lambda level: None)
 
     def remeasured(name: str) -> int:
         app = create_app(Settings(**{**SETTINGS, "data_dir": tmp_path / name}), OPERATIONS)

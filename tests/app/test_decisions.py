@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from app.decisions import (
+from app.review.decisions import (
     CANDIDATES,
     CERTAINTY,
     decide,
@@ -15,15 +15,22 @@ from app.decisions import (
     tolerated_errors_of,
     verdicts_of,
 )
+from app.schemas.layout import result_of
 from app.settings import Settings
+from services.contract.answers.layout import DocumentClass, LayoutResult
+from tests.app.scripted_results import layout_document
 
-RESULT = {
-    "class": {"name": "letter", "probability": 0.99, "model_version": 3},
-    "zones": [
-        {"id": "z1", "label": "date", "confidence": 0.999},
-        {"id": "z2", "label": "body", "confidence": 0.6},
-    ],
-}
+
+def _result() -> LayoutResult:
+    page = {"width": 9, "height": 9, "zones": [{"id": f"z{n}", "box": [0, 0, 1, 1]} for n in (1, 2)]}
+    result = result_of(layout_document(page, [], [], {}), "")
+    result.class_ = DocumentClass(name="letter", probability=0.99, model_version=3, cost=1.0)
+    result.zones[0].label, result.zones[0].confidence = "date", 0.999
+    result.zones[1].label, result.zones[1].confidence = "body", 0.6
+    return result
+
+
+RESULT = _result()
 
 
 def test_without_evidence_nothing_is_accepted() -> None:
@@ -64,16 +71,16 @@ def test_the_error_of_accepted_zones_is_as_stated() -> None:
 def test_reasons_name_the_zones() -> None:
     decision = decide(RESULT, [("date", 0.99, True)] * 600 + [("body", 0.6, False)] * 30, {None: 0.01})
     assert decision.action == "review"
-    assert [(reason["code"], reason["zones"]) for reason in decision.reasons] == [("unsure", ["z2"])]
-    assert decide(RESULT, [], {None: 0.01}).reasons[0]["code"] == "no-evidence"
-    assert decide({**RESULT, "class": None}, [], {None: 0.01}).reasons[0]["code"] == "no-class"
+    assert [(reason.code, reason.zones) for reason in decision.reasons] == [("unsure", ["z2"])]
+    assert decide(RESULT, [], {None: 0.01}).reasons[0].code == "no-evidence"
+    assert decide(RESULT.model_copy(update={"class_": None}), [], {None: 0.01}).reasons[0].code == "no-class"
     assert decide(RESULT, [("date", 0.5, True)] * 600, {None: 0.01}).action == "accept"
 
 
 def test_a_label_may_have_a_stricter_error() -> None:
     verdicts = [("body", 0.5, True)] * 600 + [("date", 0.5, True)] * 50
     decision = decide(RESULT, verdicts, {None: 0.01, "date": 0.01})
-    assert [(reason["code"], reason["zones"]) for reason in decision.reasons] == [("no-evidence", ["z1"])]
+    assert [(reason.code, reason.zones) for reason in decision.reasons] == [("no-evidence", ["z1"])]
 
 
 def test_a_wrong_class_makes_every_zone_wrong() -> None:
@@ -84,7 +91,7 @@ def test_a_wrong_class_makes_every_zone_wrong() -> None:
 
 
 def test_the_gain_is_the_expected_number_of_wrong_zones() -> None:
-    place = place_in_queue({**RESULT, "decision": {"action": "review"}})
+    place = place_in_queue(RESULT)
     assert place.gain == pytest.approx(2 - 0.99 * 1.599)
     assert place.confidence == pytest.approx(0.99 * 0.6)
 

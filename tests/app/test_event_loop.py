@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.layout_store import DATABASE
+from app.storage.layout_store import DATABASE
 from tests.app.hostile_archives import packed
 from tests.app.large_results import LARGE, PAGES, PHOTOS, large_model, large_page
 from tests.app.loop_watch import MOST_STEP_S, LoopWatch

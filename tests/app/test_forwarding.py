@@ -9,9 +9,9 @@ from unittest.mock import Mock
 import httpx
 import pytest
 
-from app.blobs import FOLDER
 from app.engine.base import Busy
 from app.jobs.forwarding import JobAdmission
+from app.storage.blobs import FOLDER
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_jobs import LATER, start, until

@@ -4,7 +4,7 @@ import httpx
 import pytest
 
 from app.routes.health import NotReady, ready
-from app.routes.state import AppState
+from app.state import AppState
 from tests.app.scripts import upload
 from tests.app.serving import serving
 

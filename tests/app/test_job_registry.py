@@ -12,14 +12,14 @@ import pytest
 from psutil import Process
 from starlette.responses import Response
 
-from app.blobs import FOLDER, BlobAccess
 from app.engine.base import Busy
+from app.http.problems import refusal_of, response_for
 from app.jobs import dispatch, following
 from app.jobs.registry import JobLimits, Jobs, JobWork
 from app.jobs.running import JobRunner, RunLimits
 from app.jobs.stored_request import JobRun
-from app.layout_store import LayoutStore, ResultLimits
-from app.problems import refusal_of, response_for
+from app.storage.blobs import FOLDER, BlobAccess
+from app.storage.layout_store import LayoutStore, ResultLimits
 from models.errors import StoreUnavailable
 from models.job_records import JobBounds, JobDraft, StoredJob, blob_key
 from models.repository import Store

@@ -13,7 +13,7 @@ import psutil
 import pytest
 from starlette.datastructures import Headers
 
-from app.wishes import prefers_async
+from app.http.wishes import prefers_async
 from tests.app.scripted import PAGE
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving

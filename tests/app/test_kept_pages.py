@@ -13,7 +13,7 @@ import pikepdf
 import pytest
 from PIL import Image
 
-from app.schemas.rectify import RectifyResult
+from services.contract.answers.rectify import RectifyResult
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_layout_images import files_in
@@ -106,6 +106,15 @@ def test_other_corners_are_analysed_and_kept(client: httpx.Client, folder: Path)
     assert client.get(f"{path}/photo", headers=ALICE).status_code == 200
 
 
+def test_corners_that_were_given_can_be_taken_back(client: httpx.Client) -> None:
+    path = keep(client)
+    found = render(client, path, format="json").json()
+    given = render(client, path, corners=[[10, 5], [70, 8], [68, 50], [12, 55]], format="json").json()
+    again = render(client, path, corners="auto", format="json").json()
+    assert given["corners"] != found["corners"] == again["corners"]
+    assert again["mesh"] == found["mesh"]
+
+
 @pytest.mark.parametrize(
     ("body", "field"),
     [
@@ -180,7 +189,7 @@ def test_photos_are_kept_as_the_operator_says_and_pictures_of_results_are_anothe
 
 
 def test_photos_expire_and_give_way_to_newer_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.expiry.EVERY_S", POLL_S)
+    monkeypatch.setattr("app.storage.expiry.EVERY_S", POLL_S)
     with serving(data_dir=tmp_path, max_kept_photos_bytes=20_000) as client:
         paths = [keep(client, {}) for _ in range(12)]
         deadline = time.monotonic() + 20

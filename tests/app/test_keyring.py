@@ -11,11 +11,11 @@ from typing import Any
 import httpx
 import pytest
 
-from app import keyring as keyring_module
-from app.keyring import Keyring
-from app.known_keys import known_keys
+from app.access import keyring as keyring_module
+from app.access.keyring import Keyring
+from app.access.known_keys import known_keys
+from app.access.tokens import InvalidToken, Tokens
 from app.roles import InvalidKeys, Key, digest_of_key
-from app.tokens import InvalidToken, Tokens
 from models.records import CLOCKS_DIFFER_S
 from tests.app.serving import POLL_S, serving
 from tests.app.test_problems import assert_problem

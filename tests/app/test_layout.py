@@ -9,7 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from app.schemas.layout import LayoutResult, parse_names
+from app.schemas.layout import parse_names
+from services.contract.answers.layout import LayoutResult
 from services.contract.layout import LayoutReply
 from tests.app.pools import named
 from tests.app.raw import connect, form, head, read_answer
@@ -294,7 +295,7 @@ def test_a_result_that_breaks_the_contract_is_not_kept() -> None:
 
 
 def recognize_to_nonsense(*arguments: object) -> LayoutReply:
-    return LayoutReply(b"", "application/json", {"class": "round"}, {})
+    return LayoutReply(b"", "application/json", LayoutResult.model_validate({"class": "round"}), {})
 
 
 def test_old_results_go() -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.layout_store import DATABASE
-from app.schemas.layout import DocumentResult
+from app.schemas.layout import result_of
+from app.storage.layout_store import DATABASE
 from models.repository import Store
+from services.contract.answers.layout import DocumentResult
 from services.contract.layout import DocumentReply, LayoutReply
 from tests.app.pools import named
 from tests.app.scripted import OPERATIONS, PAGE, model_document
@@ -181,7 +182,7 @@ def test_documents_have_a_time_limit_of_their_own() -> None:
 
 
 def reply_of_a_continuation(*arguments: object) -> LayoutReply:
-    return LayoutReply(b"", "application/json", _page("letter-2"), PAGE)
+    return LayoutReply(b"", "application/json", result_of(_page("letter-2"), ""), PAGE)
 
 
 def _page(name: str) -> dict[str, object]:
@@ -204,7 +205,7 @@ def test_the_class_of_a_later_page_is_its_documents() -> None:
 
 
 def reply_of_nonsense(*arguments: object) -> DocumentReply:
-    return DocumentReply(b"", "application/json", {"class": "round"}, [])
+    return DocumentReply(b"", "application/json", DocumentResult.model_validate({"class": "round"}), [])
 
 
 def test_a_document_that_breaks_the_contract_is_not_kept() -> None:
@@ -253,7 +254,7 @@ def test_a_document_with_pictures_that_are_gone(
     path = f"/layout/results/{document['id']}"
     shown = f"2 zones, {PICTURE_BYTES} bytes, {{}}"
     assert client.get(path, params={"format": "html"}).text == f"{shown} | {shown}"
-    monkeypatch.setattr("app.kept_images.KeptImages._key", lambda *_: "nowhere")
+    monkeypatch.setattr("app.storage.kept_images.KeptImages._key", lambda *_: "nowhere")
     gone = shown.replace(f"{PICTURE_BYTES} bytes", "0 bytes")
     assert client.get(path, params={"format": "html"}).text == f"{gone} | {gone}"
 

@@ -9,8 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from app.layout_store import DATABASE
-from app.routes import feedback_learning
+from app.learning import feedback as feedback_learning
+from app.storage.layout_store import DATABASE
 from models.errors import VersionConflict
 from models.records import ResultDraft
 from models.repository import Store

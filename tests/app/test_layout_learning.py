@@ -6,7 +6,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.routes import model_samples
+from app.learning import samples as model_samples
 from models.errors import VersionConflict
 from models.repository import Store
 from tests.app.scripted import model_document

@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.routes import model_samples
+from app.learning import samples as model_samples
 from tests.app.raw import connect, head, read_answer
 from tests.app.scripted import PAGE, model_document
 from tests.app.serving import serving

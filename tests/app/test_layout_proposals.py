@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.layout_store import DATABASE
+from app.storage.layout_store import DATABASE
 from models.records import UnknownPageDraft
 from models.repository import Store
 from services.contract.layout_models import MOST_COMPARED_SAMPLES

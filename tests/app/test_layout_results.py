@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.layout_store import DATABASE
+from app.storage.layout_store import DATABASE
 from models.documents import decode_measured
 from models.records import ReviewDraft
 from models.repository import Store

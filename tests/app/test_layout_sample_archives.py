@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from app.archives import MOST_FILES
+from app.http.archives import MOST_FILES
 from tests.app.scripted import PAGE
 from tests.app.scripts import upload
 from tests.app.serving import serving

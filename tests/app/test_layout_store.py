@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from app import layout_store
-from app.backup_note import NAME
-from app.layout_store import MOST_THREADS, LayoutStore, ResultLimits
+from app.storage import layout_store
+from app.storage.backup_note import NAME
+from app.storage.layout_store import MOST_THREADS, LayoutStore, ResultLimits
 from models.errors import ModelNotFound, ResultNotFound, StoreUnavailable
 from models.repository import Store
 from services.errors import InvalidOption

@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app.representations import content_disposition
+from app.http.representations import content_disposition
 from app.settings import Settings
 from tests.app.scripted import model_document
 from tests.app.scripts import upload

@@ -6,7 +6,7 @@ import pytest
 
 from app.engine.base import Busy
 from app.interprocess_lock import InterprocessLock
-from app.model_locks import ModelLocks
+from app.learning.locks import ModelLocks
 
 
 def test_models_are_held_one_at_a_time_whatever_the_order_of_their_names() -> None:

@@ -7,7 +7,7 @@ from typing import get_args
 import httpx
 import pytest
 
-from app.schemas.mosaic import MosaicResult
+from services.contract.answers.mosaic import MosaicResult
 from services.contract.images import AnswerFormat
 from tests.app.raw import connect, form, head, read_answer
 from tests.app.scripts import upload

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
+from app.http.middleware import WORK
+from app.http.problems import STATUS_OF_CODE
 from app.main import ROUTERS, create_app
-from app.middleware import WORK
-from app.openapi import operations_of
-from app.problems import STATUS_OF_CODE
+from app.openapi.document import operations_of
 from app.schemas.layout_settings import TypedField
 from app.schemas.photo_points import REGION_PATTERN, parse_region
 from app.settings import Settings

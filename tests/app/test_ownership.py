@@ -10,10 +10,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from app import backup_note
-from app.authentication import OPEN_PATHS
-from app.known_keys import name_of_key, spellings_of_key
-from app.layout_store import DATABASE
+from app.access.authentication import OPEN_PATHS
+from app.access.known_keys import name_of_key, spellings_of_key
+from app.storage import backup_note
+from app.storage.layout_store import DATABASE
 from models.repository import Store
 from tests.app.scripted import PAGE, model_document
 from tests.app.scripts import upload

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.paths import PathTemplates
+from app.http.paths import PathTemplates
 
 SAMPLE = "/layout/models/{name}/samples/{id}"
 ARCHIVE, IMPORT = SAMPLE.replace("{id}", "archive"), SAMPLE.replace("{id}", "import")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.preconditions import PreconditionFailed, entity_tag, parse_precondition
+from app.http.preconditions import PreconditionFailed, entity_tag, parse_precondition
 from services.errors import InvalidOption
 
 

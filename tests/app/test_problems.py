@@ -10,8 +10,8 @@ from starlette.exceptions import HTTPException
 
 import app
 import services
-from app.preconditions import PreconditionFailed
-from app.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
+from app.http.preconditions import PreconditionFailed
+from app.http.problems import MEANING_OF_CODE, STATUS_OF_CODE, documented, refusal_of
 from models.errors import NotFound, StoreError, VersionConflict
 from services.errors import DocumentError, InvalidOption
 from tests.app.pools import named
@@ -118,9 +118,9 @@ def test_a_result_that_breaks_the_contract_is_a_defect_of_ours() -> None:
 
 
 def rectify_to_nonsense(*arguments: object) -> object:
-    from services.contract.images import PageReply
+    from services.contract.answers.rectify import RectifyResult
 
-    return PageReply(b"", "application/json", {"kind": "round"})
+    return RectifyResult.model_validate({"kind": "round"})
 
 
 def all_errors() -> list[type[DocumentError | StoreError]]:

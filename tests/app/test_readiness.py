@@ -11,9 +11,9 @@ import httpx
 import pytest
 from starlette.exceptions import HTTPException
 
-from app.layout_store import DATABASE, LayoutStore, ResultLimits
-from app.probe import Probe
-from app.problems import refusal_of
+from app.http.problems import refusal_of
+from app.storage.layout_store import DATABASE, LayoutStore, ResultLimits
+from app.storage.probe import Probe
 from models.errors import StoreUnavailable
 from tests.app.scripted import PAGE
 from tests.app.serving import serving

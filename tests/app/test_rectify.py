@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from app.routes import pages_in_time
-from app.schemas.rectify import CreasedSheet, PagesResult, RectifyResult
+from services.contract.answers.rectify import CreasedSheet, PagesResult, RectifyResult
 from tests.app.scripted_results import CREASED_SHEET
 from tests.app.scripts import upload
 from tests.app.serving import serving

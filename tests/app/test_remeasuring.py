@@ -7,10 +7,10 @@ from typing import Any
 import httpx
 import pytest
 
-from app.blobs import FOLDER
+from app.learning.remeasuring import remeasure
 from app.main import create_app
-from app.remeasuring import remeasure
 from app.settings import Settings
+from app.storage.blobs import FOLDER
 from tests.app.scripted import OPERATIONS, PAGE
 from tests.app.scripts import upload
 from tests.app.serving import SETTINGS, serving
@@ -38,7 +38,7 @@ def images(folder: Path) -> dict[str, int]:
 def test_all_samples_with_images_are_measured_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.remeasuring.configure_logs", lambda level: None)
+    monkeypatch.setattr("app.learning.remeasuring.configure_logs", lambda level: None)
     picture = upload("kept")
     with serving(data_dir=tmp_path) as client:
         ids = [add(client, "letter", "with", picture), add(client, "letter", "without")]

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.representations import (
+from app.http.representations import (
     MEDIA_TYPES,
     MediaRange,
     choose_format,
@@ -14,8 +14,16 @@ from app.representations import (
     parse_accept,
     sniff_format,
 )
-from services.contract.images import AnswerFormat, PagesFormat
+from app.schemas.layout import result_of
+from services.contract.answers.layout import DocumentResult
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.page import Warning
+from services.contract.answers.rectify import RectifyResult
+from services.contract.images import AnswerFormat, Encoding, PagesFormat
+from services.contract.rectify import RectifyParameters
 from services.errors import NotAcceptable
+from tests.app.scripted_results import document as rectified_document
+from tests.app.scripted_results import layout_document, mosaic_document
 
 
 @pytest.mark.parametrize(
@@ -111,16 +119,12 @@ def test_what_is_not_known_is_left_to_the_decoder(head: bytes) -> None:
     assert sniff_format(head) is None
 
 
-def test_headers_of_a_result_without_warnings() -> None:
-    document = {
-        "kind": "planar",
-        "orientation": {"rotation_deg": 0},
-        "warnings": [],
-        "timings_ms": {"texture_flow": 1.0},
-    }
-    assert image_headers(document) == {
+def test_headers_of_a_page_without_warnings() -> None:
+    page = rectified_document(RectifyParameters(), Encoding(), None)
+    answer = RectifyResult.model_validate({**page, "warnings": [], "timings_ms": {"texture_flow": 1.0}})
+    assert image_headers(answer) == {
         "Document-Kind": "planar",
-        "Document-Rotation": "0",
+        "Document-Rotation": "180",
         "Document-Warnings": "",
         "Server-Timing": "texture_flow;dur=1.0",
     }
@@ -128,19 +132,25 @@ def test_headers_of_a_result_without_warnings() -> None:
 
 def test_headers_of_a_mosaic() -> None:
     warnings = [{"code": code, "detail": ""} for code in ("unplaced", "curved-page", "unplaced")]
-    assert image_headers({"unplaced": [0, 12], "warnings": warnings}) == {
-        "Document-Unplaced": "0, 12",
-        "Document-Warnings": "unplaced, curved-page",
-    }
-    assert image_headers({"unplaced": []}) == {"Document-Unplaced": ""}
+    document = mosaic_document(2, {}, None) | {"unplaced": [0, 12], "warnings": warnings}
+    headers = image_headers(MosaicResult.model_validate(document))
+    assert headers["Document-Unplaced"] == "0, 12"
+    assert headers["Document-Warnings"] == "unplaced, curved-page"
+    assert "Document-Kind" not in headers
 
 
 def test_warnings_of_a_document_are_those_of_all_its_pages() -> None:
-    said = [
-        {"warnings": [{"code": "page-turned"}]},
-        {"warnings": []},
-        {"warnings": [{"code": "page-turned"}]},
-    ]
-    document = {"class": None, "warnings": [{"code": "unlike-page"}]}
-    assert layout_headers(document, pages=said)["Document-Warnings"] == "unlike-page, page-turned"
-    assert layout_headers({"class": None, "warnings": []})["Document-Warnings"] == ""
+    turned = [Warning(code="page-turned", detail="")]
+    page = result_of(layout_document({"width": 9, "height": 9, "zones": []}, [], [], {}), "")
+    pages = [page.model_copy(update={"warnings": said}) for said in (turned, [], turned)]
+    whole = DocumentResult(
+        id="",
+        class_=None,
+        classes=[],
+        unknown_probability=1.0,
+        pages=pages,
+        warnings=[Warning(code="unlike-page", detail="")],
+        timings_ms={},
+    )
+    assert layout_headers(whole)["Document-Warnings"] == "unlike-page, page-turned"
+    assert layout_headers(page)["Document-Warnings"] == ""

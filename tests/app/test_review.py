@@ -170,7 +170,7 @@ def test_a_page_of_a_document_is_recognized_again_as_one_of_its_document(client:
 
 
 def test_the_queue_is_put_in_order_when_a_class_has_learned(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.review_order.EVERY_S", 0.02)
+    monkeypatch.setattr("app.review.order.EVERY_S", 0.02)
     with serving(review_ahead=2) as client:
         client.put("/layout/models/letter", json=LETTER).raise_for_status()
         pages = [recognize(client) for _ in range(4)]

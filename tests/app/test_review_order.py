@@ -5,11 +5,11 @@ from typing import Any, cast
 
 import pytest
 
-from app import review_order
 from app.engine.base import Engine
-from app.layout_store import LayoutStore
-from app.review_order import ReviewOrder
+from app.review import order as review_order
+from app.review.order import ReviewOrder
 from app.settings import Settings
+from app.storage.layout_store import LayoutStore
 from models.errors import StoreUnavailable
 from services.contract.operations import Operations
 

@@ -16,11 +16,11 @@ from fastapi import Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from app.authentication import OPEN_PATHS
-from app.callers import Caller, caller_of
+from app.access.authentication import OPEN_PATHS
+from app.access.callers import Caller, caller_of
+from app.http.middleware import METHODS
 from app.jobs.stored_request import JobRun, do_request
 from app.main import create_app
-from app.middleware import METHODS
 from app.roles import (
     NOT_FOR_READERS,
     READERS_WRITE,

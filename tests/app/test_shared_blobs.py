@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from app.blobs import FOLDER, BlobAccess
 from app.jobs.shared_blobs import SharedBlobs
-from app.layout_store import DATABASE, LayoutStore, ResultLimits
+from app.storage.blobs import FOLDER, BlobAccess
+from app.storage.layout_store import DATABASE, LayoutStore, ResultLimits
 from models.repository import Store
 from tests.app.serving import serving
 from tests.models.databases import make_file

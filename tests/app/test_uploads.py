@@ -234,7 +234,7 @@ def test_a_client_that_leaves_in_the_middle_of_its_body_frees_its_place() -> Non
 
 
 def test_a_body_below_the_least_rate_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.uploads._RATE_HOLDS_AFTER_S", 0.1)
+    monkeypatch.setattr("app.http.uploads._RATE_HOLDS_AFTER_S", 0.1)
     with serving(min_body_bytes_per_s=1e6) as client, connect(client) as connection:
         connection.sendall(head(1000) + form(b"")[:50])
         answer = read_answer(connection)
@@ -243,7 +243,7 @@ def test_a_body_below_the_least_rate_is_refused(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_slow_upload_gives_its_place_to_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.upload_places._JUDGED_AFTER_S", 0.0)
+    monkeypatch.setattr("app.http.upload_places._JUDGED_AFTER_S", 0.0)
     with serving(max_uploads=1) as client, connect(client) as connection:
         connection.sendall(head(1000) + form(b"")[:50])
         deadline = time.monotonic() + 10

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.decisions import expected_wrong_zones
+from app.review.decisions import expected_wrong_zones
 from benchmarks.layout.hierarchy import simulated_pages
 from benchmarks.review.acceptance import is_within, judge_class, split_pages, unread
 from benchmarks.review.orders import FIXED, GAIN, RANDOM, follow, urgency_of

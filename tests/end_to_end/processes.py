@@ -16,7 +16,7 @@ from typing import Any
 
 import psutil
 
-from app.layout_store import DATABASE
+from app.storage.layout_store import DATABASE
 from tests.end_to_end.forked import ROOT, ForkedProcess, template
 from tests.models.databases import make_file
 

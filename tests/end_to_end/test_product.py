@@ -11,7 +11,7 @@ import pikepdf
 import pytest
 from PIL import Image
 
-from app.schemas.rectify import RectifyResult, Strips
+from services.contract.answers.rectify import RectifyResult, Strips
 from simulation.pages import own_pages
 from simulation.scenes import BOOK, POSES, photograph
 from tests.counts import some

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.schemas.layout import LayoutResult
+from services.contract.answers.layout import LayoutResult
 from simulation.labelled_pages import LabelledPage, fax_page, letter_page, memo_page, title_page
 from tests.end_to_end.pictures import bomb, encoded
 

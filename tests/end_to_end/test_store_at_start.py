@@ -17,7 +17,7 @@ def test_the_reason_is_told(tmp_path: Path, what: str) -> None:
         (tmp_path / "data" / "layout.sqlite3").write_text("no database at all" * 100)
     status, log = ended(data_dir=tmp_path / "data")
     assert status != 0
-    (line,) = [line for line in log if line["logger"] == "app.layout_store"]
+    (line,) = [line for line in log if line["logger"] == "app.storage.layout_store"]
     assert line["level"] == "error"
     assert line["data_dir"] == str(tmp_path / "data")
     assert f"{tmp_path / 'data'} (DATA_DIR)" in line["message"]
@@ -28,7 +28,7 @@ def test_a_server_that_does_not_answer_is_told_without_its_password(tmp_path: Pa
     url = f"postgresql://someone:secret-word@/layout?host={tmp_path}"
     status, log = ended(data_dir=tmp_path / "data", database_url=url)
     assert status != 0
-    (line,) = [line for line in log if line["logger"] == "app.layout_store"]
+    (line,) = [line for line in log if line["logger"] == "app.storage.layout_store"]
     assert "the database of DATABASE_URL could not be opened" in line["message"]
     assert "secret-word" not in json.dumps(log)
     assert not (tmp_path / "data").exists()

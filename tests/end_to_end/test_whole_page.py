@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.schemas.mosaic import MosaicResult, Patch
+from services.contract.answers.mosaic import MosaicResult, Patch
 from simulation.pages import own_pages
 from simulation.scenes import POSES, photograph
 from tests.counts import some

@@ -10,7 +10,7 @@ import pytest
 from alembic import command
 from sqlalchemy import Engine, MetaData, Table, select
 
-from app.decisions import place_in_queue
+from app.review.decisions import place_of_stored
 from benchmarks.common.postgresql import Cluster
 from benchmarks.upgrade import ANSWERS, DATABASE
 from models import session
@@ -58,13 +58,13 @@ def test_everything_is_there_after_the_upgrade(packed: Path, tmp_path: Path) -> 
     assert before["layout_results"]
     with Store.open(path) as store:
         assert store.upgraded_from == answers["schema"].partition("-")[0]
-        queued = store.queue_results(place_in_queue)
+        queued = store.queue_results(place_of_stored)
         assert queued == (0 if "layout_reviews" in before else len(before["layout_results"]))
         listed = store.reviews(100, order="gain")
         assert set(answers["open"]) <= {review.id for review in listed}
         missing = store.count_feedback_without_lessons()
         assert (missing > 0) == (packed.stem == "schema_0002-feedback")
-        assert store.queue_results(place_in_queue) == 0
+        assert store.queue_results(place_of_stored) == 0
     engine = session.open_engine(path)
     after = rows_of(engine, only=before)
     engine.dispose()
@@ -93,7 +93,7 @@ def test_the_same_on_postgresql(packed: Path, tmp_path: Path, request: pytest.Fi
     old.dispose()
     engine.dispose()
     with Store.open(fresh_url) as store:
-        store.queue_results(place_in_queue)
+        store.queue_results(place_of_stored)
         listed = store.reviews(100, order="gain")
         assert set(answers["open"]) <= {review.id for review in listed}
     engine = session.open_engine(fresh_url)

@@ -27,6 +27,7 @@ from services.layout.exchange.xml_writing import (
     decimal,
     document,
     ordered,
+    turned_note,
     union_box,
     zone_lines,
 )
@@ -238,11 +239,12 @@ def _line_text(line: Element) -> str:
     return text if text.endswith(_HYPHENS) else text + hyphen
 
 
-def write_alto(recognition: Recognition, file_name: str, created: datetime) -> bytes:
+def write_alto(recognition: Recognition, file_name: str, created: datetime, turned_deg: int = 0) -> bytes:
     """The recognition as ALTO 4.4 in pixels, the page being that of the image `file_name`.
 
     `created` is a time with its zone. PAGECLASS is the class. Lines have no position, since it is not measured. ALTO
-    allows text in text blocks only, so text in a figure is left out.
+    allows text in text blocks only, so text in a figure is left out. Where the page is that of the image turned
+    clockwise by `turned_deg`, the description of the step says so.
     """
     page = recognition.page
     names = Names()
@@ -252,7 +254,8 @@ def write_alto(recognition: Recognition, file_name: str, created: datetime) -> b
     tags = _Tags(names)
     styles: dict[tuple[tuple[str, str], ...], str] = {}
 
-    root = begin_alto(file_name, step_id, "layout structure recognition", created)
+    step = "layout structure recognition" + (f". {turned_note(turned_deg)}" if turned_deg else "")
+    root = begin_alto(file_name, step_id, step, created)
     style_list, tag_list = SubElement(root, "Styles"), SubElement(root, "Tags")
     if zones:
         group = SubElement(

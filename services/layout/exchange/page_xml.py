@@ -31,6 +31,7 @@ from services.layout.exchange.xml_writing import (
     decimal,
     document,
     ordered,
+    turned_note,
     union_box,
     zone_lines,
 )
@@ -263,11 +264,12 @@ def _resolution(page: Element) -> float | None:
     return {"PPI": resolution, "PPCM": resolution * 2.54}.get(page.get("imageResolutionUnit", ""))
 
 
-def write_page_xml(recognition: Recognition, file_name: str, created: datetime) -> bytes:
+def write_page_xml(recognition: Recognition, file_name: str, created: datetime, turned_deg: int = 0) -> bytes:
     """The recognition as PAGE-XML 2019-07-15, the page being that of the image `file_name`.
 
     `created` is a time with its zone. Boxes are rounded to whole pixels, as the schema demands. Text in zones of
-    another kind is put into an inner TextRegion. The page's `custom` has the class and its probability.
+    another kind is put into an inner TextRegion. The page's `custom` has the class and its probability. Where the page
+    is that of the image turned clockwise by `turned_deg`, a comment says so.
     """
     page = recognition.page
     width, height = max(1, round(page.width)), max(1, round(page.height))
@@ -283,6 +285,8 @@ def write_page_xml(recognition: Recognition, file_name: str, created: datetime) 
     SubElement(metadata, "Creator").text = SOFTWARE
     for name in ("Created", "LastChange"):
         SubElement(metadata, name).text = created.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    if turned_deg:
+        SubElement(metadata, "Comments").text = turned_note(turned_deg)
     attributes = {"imageFilename": clean(file_name), "imageWidth": str(width), "imageHeight": str(height)}
     if recognition.chosen is not None:
         chosen = {"name": recognition.chosen.name, "probability": decimal(recognition.chosen.probability)}

@@ -63,3 +63,8 @@ def document(root: Element) -> bytes:
 def decimal(value: float) -> str:
     """A number as `xsd:float`, to 8 digits: a hundredth of a pixel on every page."""
     return f"{value:.8g}"
+
+
+def turned_note(turned_deg: int) -> str:
+    """A sentence for people, since neither PAGE-XML nor ALTO has a place for it."""
+    return f"Coordinates are pixels of the image turned clockwise by {turned_deg} degrees."

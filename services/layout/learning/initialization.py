@@ -1,4 +1,11 @@
-"""Model initialization (5.5, 5.6.1): a layout graph model from a few labelled pages."""
+"""Model initialization (5.5, 5.6.1): a layout graph model from a few labelled pages.
+
+Sums over the pages become means, variances and frequencies, each drawn to what is usual, so that one sample is enough
+to begin. From two samples on the factors of the attributes are those under which true labels are most probable on pages
+that had no part in the model (`scale_fitting`), and so is the usual cost of a page. A sample with its image counts as
+two views of one page: the zones that a person drew, and those that segmentation finds. Both together teach which zones
+segmentation divides and merges (`learned_pieces`).
+"""
 
 import zlib
 from collections import Counter

@@ -1,4 +1,9 @@
-"""Training of a model in rounds over all its samples (5.6.1)."""
+"""Training of a model in rounds over all its samples (5.6.1).
+
+Parts of the samples are held out in turn. The round with fewest errors on these is kept; round 0 is initialization, so
+training makes no model worse there. A model that has seen more than its samples, as an imported one, is trained further
+from its present state.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

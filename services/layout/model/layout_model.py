@@ -1,4 +1,9 @@
-"""The layout graph model of a document class as plain values, ready for JSON; `CompiledModel` has its arrays."""
+"""The layout graph model of a document class as plain values, ready for JSON; `CompiledModel` has its arrays.
+
+It has a node for every label and one for null. A node has mean and variance of every numeric attribute (its weight is
+the inverse variance), an expectation for every content feature, and the costs of 0, 1, 2, ... zones with its label; an
+edge has a look-up table for every relation. `scales` has one factor for each attribute.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -34,7 +34,7 @@ class ClassificationParameters:
     less_by_zones: float = 0.153
     """By so much `least_fit` falls for each unit of the logarithm of the number of zones: the mean of many costs tells
     more. Learned by a logistic regression on the nearest classes of pages with and without their own class among the
-    models (`docs/decisions/layout.md`, 2026-11-24)."""
+    models (`docs/decisions/layout-classes.md`, 2026-11-24)."""
     zones_between: tuple[int, int] = (20, 40)
     """Pages of fewer or more zones count as these; `least_fit` is that of 20."""
     fit_sharpness: float = 15.0

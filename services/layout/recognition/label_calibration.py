@@ -23,8 +23,8 @@ from services.layout.recognition.results import Recognition
 class LabelCalibrationParameters:
     """Prior of the line of a class around the evidence as it is (slope 1, intercept 0).
 
-    Chosen on classes that had no part in the weights of evidence (`docs/decisions/layout.md`, 2026-11-23). Held-out
-    pages of three samples say little: with a deviation of the intercept of 0.6 labels are believed less well.
+    Chosen on classes that had no part in the weights of evidence (`docs/decisions/layout-confidences.md`, 2026-11-23).
+    Held-out pages of three samples say little: with a deviation of the intercept of 0.6 labels are believed less well.
     """
 
     slope_deviation: float = 0.15

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from services.mosaic.results import MosaicResult, Pair, Patch
+from services.contract.answers.mosaic import Pair
+from services.mosaic.results import MosaicResult, Patch
 from services.notices import Notice
 from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
 from services.rectify.spread import RectifiedPages
@@ -32,7 +33,7 @@ class RectifyPipeline:
         self.field_of_view_rad: float | None = math.pi / 3
         self.convergence: float | None = 0.0123
         self.pages = 2
-        self.mesh = np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [np.nan, 1]]], np.float64)
+        self.mesh = np.array([[[0, 1 / 3], [1, 0]], [[0, 1], [1, 1]]], np.float64)
         self.surface: PlaneSurface | StripsSurface | MeshSurface = PlaneSurface((0.0, 0.6, 0.8))
 
     def __call__(
@@ -79,7 +80,17 @@ class MosaicPipeline:
             photos[0],
             0,
             (*(Patch(True, mesh, self.scale, 1.0) for _ in photos[1:]), Patch(False)),
-            (Pair(0, 1, 900, 400, 12, 0.23456, np.float64(0.0712345)),),
+            (
+                Pair(
+                    a=0,
+                    b=1,
+                    matches=900,
+                    votes=400,
+                    runner_up_votes=12,
+                    overlap_fraction=0.2346,
+                    residual_px=0.0712,
+                ),
+            ),
             (len(photos) - 1,),
             Orientation(90, False, None),
             (Notice("not-placed", "images[2] overlaps no other photo."),),

@@ -24,7 +24,7 @@ def test_a_picture_that_fits_keeps_its_size() -> None:
     page = np.full((600, 400, 3), 255, np.uint8)
     kept = encode_kept_picture(page, 2**20)
     assert (kept.width, kept.height) == size_of(kept.body) == (400, 600)
-    assert kept.describe() == {"width": 400, "height": 600, "bytes": len(kept.body)}
+    assert kept.describe().model_dump() == {"width": 400, "height": 600, "bytes": len(kept.body)}
 
 
 @pytest.mark.parametrize("most_bytes", [100_000, 20_000, 3_000])

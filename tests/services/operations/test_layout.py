@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.schemas.layout import result_of
+from app.schemas.layout import stored_form
 from services.contract.fields import FieldSetting
 from services.contract.images import ImageLimits
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
@@ -34,6 +34,7 @@ from services.operations.upright_reading import UprightReading
 from services.progress import progress_to
 from simulation.labelled_pages import letter_page
 from tests.services.imaging.files import make_file
+from tests.services.operations.documents import document_of as as_json_of
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
 
 SETTINGS = LayoutSettings()
@@ -56,8 +57,8 @@ def model() -> ModelDocument:
 
 def test_the_answer_is_the_contracts(model: ModelDocument) -> None:
     reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
-    json.loads(json.dumps([reply.document, reply.page]), parse_constant=reject_constant)
-    result = result_of(reply.document, "an id")
+    json.loads(json.dumps([as_json_of(reply), reply.page]), parse_constant=reject_constant)
+    result = reply.answer
     assert (reply.body, reply.media_type) == (b"", "application/json")
     assert result.class_ is not None
     assert (result.class_.name, result.class_.model_version) == ("letter", 7)
@@ -71,7 +72,7 @@ def test_the_settings_of_a_class_make_values(model: ModelDocument) -> None:
     dated["text"] = "March 3, 1998"
     typed = replace(model, fields={"date": FieldSetting("date"), "absent": FieldSetting("email")})
     reply = recognize_upload(None, as_json(letter), None, [typed], LayoutOptions(), SETTINGS)
-    found = {field.label: field for field in result_of(reply.document, "an id").fields}
+    found = {field.label: field for field in reply.answer.fields}
     assert (found["date"].type, found["date"].value) == ("date", "1998-03-03")
     assert (found["salutation"].type, found["salutation"].problem) == ("text", None)
     assert "absent" not in found
@@ -81,14 +82,14 @@ def test_the_settings_of_a_class_make_values(model: ModelDocument) -> None:
 def test_the_page_can_be_recognized_again(model: ModelDocument) -> None:
     reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
     again = recognize_upload(None, as_json(reply.page), None, [model], LayoutOptions(), SETTINGS)
-    assert again.document["match"] == reply.document["match"]
+    assert as_json_of(again)["match"] == as_json_of(reply)["match"]
     assert again.page == reply.page
 
 
 def test_a_kept_page_is_found_as_before_by_the_models_of_then(model: ModelDocument) -> None:
     reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
     again = recognize_again(reply.page, [model], SETTINGS, False)
-    assert again == {name: reply.document[name] for name in FOUND_AGAIN}
+    assert again == {name: as_json_of(reply)[name] for name in FOUND_AGAIN}
     newer = recognize_again(reply.page, [replace(model, version=8)], SETTINGS, True)
     assert newer["class"]["model_version"] == 8
 
@@ -117,7 +118,8 @@ def recognition(terms: int = 0) -> Recognition:
 
 
 def test_a_recognition_as_json() -> None:
-    assert describe_recognition(recognition(5), explain=False) == {
+    found = stored_form(describe_recognition(recognition(5), explain=False))
+    assert {name: found[name] for name in found if found[name] not in (None, [], {}) or name == "fields"} == {
         "width": 100.0,
         "height": 50.0,
         "class": {"name": "memo", "model_version": 3, "cost": 1.2346, "probability": 0.75},
@@ -164,7 +166,7 @@ def test_words_and_fields_as_json() -> None:
     found = recognition()
     zone = replace(found.zones[0].zone, text="3 May", words=words)
     read = replace(found, zones=(replace(found.zones[0], zone=zone, confidence=0.8),))
-    described: Any = describe_recognition(read, explain=False, words=True)
+    described = stored_form(describe_recognition(read, explain=False, words=True))
     assert described["zones"][0]["text_confidence"] == 0.8
     assert described["zones"][0]["words"] == [
         {"text": "3", "box": [1.0, 1.0, 2.0, 4.0], "confidence": 0.5, "line": 0},
@@ -181,15 +183,16 @@ def test_words_and_fields_as_json() -> None:
         "confidence": 0.48,  # 0.75 for the class, 0.8 for the label, 0.8 for the words
         "zones": ["a"],
     }
-    plain: Any = describe_recognition(read, explain=False)
+    plain = stored_form(describe_recognition(read, explain=False))
     assert plain["zones"][0]["words"] is None
 
 
 @pytest.mark.parametrize("terms", [0, 5, MOST_EXPLAINED + 1])
 def test_so_many_terms_are_explained(terms: int) -> None:
-    match = describe_recognition(recognition(terms), explain=True)["match"]
-    assert isinstance(match, dict)
-    assert len(match["explanation"]) == min(terms, MOST_EXPLAINED)
+    match = describe_recognition(recognition(terms), explain=True).match
+    assert match is not None
+    assert match.explanation is not None
+    assert len(match.explanation) == min(terms, MOST_EXPLAINED)
 
 
 def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,9 +206,9 @@ def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
         reply = recognize_upload(photo, None, None, [], options, SETTINGS)
     assert heard == ["models 0.00", "decode 0.02", "zones 0.60", "matching 0.80", "encode 0.95"]
     assert len(pipeline.calls) == 1
-    assert (reply.document["width"], reply.document["height"]) == (40, 60)  # it turns the photo
-    assert reply.document["warnings"] == [{"code": "focal-length-unknown", "detail": "Say it."}]
-    timings = reply.document["timings_ms"]
+    assert (as_json_of(reply)["width"], as_json_of(reply)["height"]) == (40, 60)  # it turns the photo
+    assert as_json_of(reply)["warnings"] == [{"code": "focal-length-unknown", "detail": "Say it."}]
+    timings = as_json_of(reply)["timings_ms"]
     assert isinstance(timings, dict)
     assert {"decode", "text", "remap", "zones", "encode"} <= timings.keys()
     with Image.open(io.BytesIO(reply.body)) as drawn:
@@ -214,8 +217,8 @@ def test_a_photo_is_rectified_first(monkeypatch: pytest.MonkeyPatch) -> None:
         assert (reply.drawn.left, reply.drawn.scale_y) == ((drawn.width - 600) // 2, 900 / 60)
     with Image.open(io.BytesIO(reply.picture)) as kept:
         assert (kept.format, kept.size) == ("JPEG", (40, 60)), "the flat page, whose zones these are"
-    assert reply.document["image"] == {"width": 40, "height": 60, "bytes": len(reply.picture)}
-    flat = reply.document["page"]
+    assert as_json_of(reply)["image"] == {"width": 40, "height": 60, "bytes": len(reply.picture)}
+    flat = as_json_of(reply)["page"]
     assert isinstance(flat, dict)
     assert flat["photo"] == {"width": 60, "height": 40}
     assert (flat["width"], flat["height"]) == (40, 60)
@@ -317,7 +320,7 @@ def test_a_sample_may_be_a_file_of_another_program(model: ModelDocument, image_f
     options = LayoutOptions(format=image_format)
     labelled = recognize_upload(None, as_json(LETTERS[2]), None, [model], options, SETTINGS)
     sample: Any = measure_sample_file(None, labelled.body, SETTINGS).document
-    zones: Any = labelled.document["zones"]
+    zones: Any = as_json_of(labelled)["zones"]
     assert {zone["id"]: zone["label"] for zone in sample["zones"]} == {
         zone["id"]: zone["label"] for zone in zones
     }

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.schemas.layout import document_of, result_of
 from services.contract.layout import DocumentReply, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
 from services.errors import InvalidOption, NotAcceptable, NoText, TooLarge, UndecodableImage
 from services.imaging.codec import encode_image
@@ -23,6 +22,7 @@ from services.progress import progress_to
 from simulation.labelled_pages import document_pages
 from tests.services.imaging.files import make_file
 from tests.services.layout.samples import page_from
+from tests.services.operations.documents import document_of as as_json_of
 from tests.services.operations.pipelines import reject_constant
 
 SETTINGS = LayoutSettings()
@@ -71,11 +71,11 @@ def test_the_answer_is_the_contracts(uploads: list[bytes], models: list[ModelDoc
     reply = recognized(uploads, models)
     assert isinstance(reply, DocumentReply)
     json.loads(
-        json.dumps([reply.document, *[[page.document, page.page] for page in reply.pages]]),
+        json.dumps([as_json_of(reply), *[[as_json_of(page), page.page] for page in reply.pages]]),
         parse_constant=reject_constant,
     )
-    pages = [result_of(page.document, f"page {index}") for index, page in enumerate(reply.pages)]
-    document = document_of(reply.document, "an id", pages)
+    pages = [page.answer for page in reply.pages]
+    document = reply.answer.model_copy(update={"pages": pages})
     assert (reply.body, reply.media_type) == (b"", "application/json")
     assert document.class_ is not None
     assert (document.class_.name, document.class_.model_version) == ("letter", 3)
@@ -94,7 +94,7 @@ def test_each_page_can_be_recognized_again(models: list[ModelDocument]) -> None:
     zones = json.dumps(reply.pages[2].page).encode()
     again = recognize_uploads([], zones, None, models, LayoutOptions(), SETTINGS)
     assert isinstance(again, LayoutReply)
-    assert (again.document["part"], again.document["document_class"]) == ("continuation", "letter")
+    assert (as_json_of(again)["part"], as_json_of(again)["document_class"]) == ("continuation", "letter")
 
 
 def test_one_page_is_answered_as_one_page(models: list[ModelDocument]) -> None:
@@ -105,8 +105,8 @@ def test_one_page_is_answered_as_one_page(models: list[ModelDocument]) -> None:
     ):
         reply = recognized(images, models, options)
         assert isinstance(reply, LayoutReply)
-        assert reply.document["part"] == "first"
-        assert reply.document["document_class"] == "letter"
+        assert as_json_of(reply)["part"] == "first"
+        assert as_json_of(reply)["document_class"] == "letter"
     with pytest.raises(InvalidOption, match="no page 4"):
         recognized(PNGS, models, LayoutOptions(page=4))
 
@@ -183,9 +183,9 @@ def test_pages_unlike_their_class_are_told(
     monkeypatch.setattr(layout, "fine_page", lambda image, *_: (pages[image.shape[1] - 60], None))
     reply = recognized(PNGS, models)
     assert isinstance(reply, DocumentReply)
-    warnings: Any = reply.document["warnings"]
+    warnings: Any = as_json_of(reply)["warnings"]
     assert [(notice["code"], notice["detail"][:8]) for notice in warnings] == [("unlike-page", "pages[2]")]
-    assert reply.pages[2].document["class"] is None
+    assert as_json_of(reply.pages[2])["class"] is None
 
 
 def test_progress_runs_through_the_pages(models: list[ModelDocument]) -> None:

@@ -4,7 +4,6 @@ import base64
 import io
 import json
 from dataclasses import replace
-from typing import Any
 from xml.etree.ElementTree import Element
 
 import html5lib
@@ -12,6 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.schemas.layout import stored_form
+from services.contract.answers.layout import LabelField, LayoutResult
 from services.contract.html import HtmlElement
 from services.contract.layout import DocumentReply, KeptResult, LayoutOptions, LayoutSettings
 from services.layout.page import Page, Zone
@@ -41,14 +42,16 @@ PICTURE[20:40, 10:50] = (200, 30, 30)
 
 def document(
     labels: tuple[str | None, ...] = ("figure", "title", "caption"), page: Page = PAGE
-) -> dict[str, Any]:
-    """The `LayoutResult` of the page; its title comes before its figure."""
+) -> LayoutResult:
+    """The answer about the page; its title comes before its figure."""
     order = {"t": 0, "f": 1, "c": 2}
     zones = tuple(
         LabelledZone(zone, label, 0.9, None, order.get(zone.id, index))
         for index, (zone, label) in enumerate(zip(page.zones, labels, strict=True))
     )
-    return describe_recognition(Recognition(page, zones, None), explain=False) | {"language": "eng"}
+    answer = describe_recognition(Recognition(page, zones, None), explain=False)
+    answer.language = "eng"
+    return answer
 
 
 def parsed(file: bytes) -> Element:
@@ -83,8 +86,8 @@ def test_stored_results_have_the_kept_picture_or_none() -> None:
     kept = encode_kept_picture(PICTURE, 10_000).body
     elements: dict[str, HtmlElement] = {"title": "h3", "figure": "img", "caption": "none"}
     pages = [
-        KeptResult(document(), {}, "1", kept, elements),
-        KeptResult(document(("figure", None, None)), {}, "2"),
+        KeptResult(stored_form(document()), {}, "1", kept, elements),
+        KeptResult(stored_form(document(("figure", None, None))), {}, "2"),
     ]
     root = parsed(render_results(pages, "html", SETTINGS).body)
     first, second = root.findall("body/main/section")
@@ -116,12 +119,14 @@ def test_pictures_have_a_bounded_area_and_size() -> None:
 
 def test_dates_are_machine_readable() -> None:
     found = document(("figure", "date", None))
-    found["fields"] = [{"label": "date", "type": "date", "value": "1998-03-03", "zones": ["t"]}]
+    found.fields = [
+        LabelField(label="date", text="", type="date", value="1998-03-03", confidence=1.0, zones=["t"])
+    ]
     root = parsed(render_html([HtmlPage(found)], ""))
     moment = root.find("body/main/p/time")
     assert moment is not None
     assert (moment.get("datetime"), moment.text) == ("1998-03-03", "On pages")
-    found["fields"][0]["label"] = "another"  # the zone is more than its date
+    found.fields[0].label = "another"  # the zone is more than its date
     assert parsed(render_html([HtmlPage(found)], "")).find("body/main/p/time") is None
     assert {"label", "type", "value", "zones"} <= {*Field.__slots__}
 
@@ -140,7 +145,7 @@ def test_one_file_for_one_page_and_for_several(named: bool) -> None:
     options = LayoutOptions(format="html", image_name="a <b>.png", format_named=named)
     one = recognize_uploads([image], None, None, [], options, SETTINGS)
     assert one.media_type == "text/html"
-    assert one.document["language"] is None
+    assert one.answer.language is None
     root = parsed(one.body)
     assert [each.tag for each in root.find("body/main") or ()] == ["figure", "p", "p"]
     assert root.findtext("head/title") == "a <b>.png"

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from app.schemas.layout import result_of
 from services.arrays import GrayImage
 from services.contract.layout import LayoutOptions, LayoutSettings
 from services.errors import InvalidOption
@@ -18,6 +17,7 @@ from services.operations.layout_documents import recognize_uploads
 from services.operations.layout_models import measure_sample
 from simulation.labelled_pages import letter_page
 from tests.services.imaging.files import make_file
+from tests.services.operations.documents import document_of as as_json_of
 
 SETTINGS = LayoutSettings()
 LETTER = {
@@ -75,7 +75,7 @@ def test_words_of_the_named_language_make_content_features() -> None:
     pages = {}
     for language in (None, "deu"):
         reply = recognize_upload(lines_of_print(), None, None, [], LayoutOptions(language=language), SETTINGS)
-        pages[language] = result_of(reply.document, "an id")
+        pages[language] = reply.answer
     assert pages["deu"].language == "deu"
     greeting = next(zone for zone in pages["deu"].zones if zone.text.startswith("Sehr geehrte"))
     assert greeting.content["greeting"] > 0.5
@@ -117,4 +117,4 @@ def test_a_language_that_is_not_installed_is_refused_before_the_work(monkeypatch
     reply = recognize_upload(
         None, json.dumps(page).encode(), None, [], LayoutOptions(language="xyz"), SETTINGS
     )
-    assert reply.document["language"] is None
+    assert as_json_of(reply)["language"] is None

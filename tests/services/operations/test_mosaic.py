@@ -19,6 +19,7 @@ from services.errors import DocumentError, TooLarge, UndecodableImage, Unsupport
 from services.operations import mosaic
 from services.operations.mosaic import mosaic_uploads
 from tests.services.imaging.files import make_exif, make_file, make_png
+from tests.services.operations.documents import document_of
 from tests.services.operations.pipelines import MosaicPipeline, reject_constant
 
 LIMITS = MosaicLimits(ImageLimits(), 200)
@@ -36,7 +37,7 @@ def run(uploads: list[bytes], encoding: Encoding | None = None) -> PageReply:
 
 @pytest.mark.usefixtures("mosaic_pipeline")
 def test_the_answer_is_the_contracts() -> None:
-    document = json.loads(json.dumps(run(PNGS).document), parse_constant=reject_constant)
+    document = json.loads(json.dumps(document_of(run(PNGS))), parse_constant=reject_constant)
     assert list(document.pop("timings_ms")) == ["decode", "registration", "composition", "encode"]
     mesh = {"rows": 2, "columns": 2, "target": [[[0, 0.333], [9, 0]], [[0, 9], [9, 9]]]}
     placed = {"placed": True, "mesh": mesh, "scale": 1.2346, "sharpness": 1.0}
@@ -116,8 +117,8 @@ def test_the_file_is_in_the_asked_for_or_in_the_first_photos_format(
 @pytest.mark.usefixtures("mosaic_pipeline")
 def test_json_with_and_without_the_image() -> None:
     reply = run(PNGS, Encoding("json"))
-    assert (reply.body, reply.media_type, reply.document["image"]) == (b"", "application/json", None)
-    image = run(PNGS, Encoding("json", embed=True)).document["image"]
+    assert (reply.body, reply.media_type, document_of(reply)["image"]) == (b"", "application/json", None)
+    image = document_of(run(PNGS, Encoding("json", embed=True)))["image"]
     assert isinstance(image, str)
     with Image.open(io.BytesIO(base64.b64decode(image, validate=True))) as picture:
         assert np.array_equal(np.asarray(picture), PHOTOS[0])

@@ -15,6 +15,7 @@ from services.ocr.engine import Word
 from services.ocr.word_trust import probability_right
 from services.operations import page_reading
 from tests.services.imaging.files import make_file
+from tests.services.operations.documents import document_of
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant
 from tests.services.operations.single_uploads import rectify_upload
 
@@ -43,15 +44,14 @@ def read(encoding: Encoding, parameters: RectifyParameters = READ) -> PageReply:
 
 
 def test_json_has_the_words_in_both_frames() -> None:
-    document = json.loads(json.dumps(read(Encoding("json")).document), parse_constant=reject_constant)
+    document = json.loads(json.dumps(document_of(read(Encoding("json")))), parse_constant=reject_constant)
     text = document["text"]
     believed = (4 * probability_right(0.9) + 5 * probability_right(0.8)) / 9
     assert (text["language"], text["confidence"]) == ("eng", pytest.approx(believed, abs=1e-4))
     assert [word["text"] for word in text["words"]] == ["Dear", "Smith"]
     assert text["words"][1]["box"] == [200, 100, 300, 130]
     assert text["words"][1]["line"] == 0
-    # The mesh of the scripted pipeline has a node beyond the photo.
-    assert text["words"][1]["photo"] is None
+    assert text["words"][1]["photo"] == [[0.33, 0.32], [0.5, 0.27], [0.5, 0.3], [0.33, 0.35]]
     assert "reading" in document["timings_ms"]
 
 
@@ -61,7 +61,7 @@ def test_zones_that_miss_most_words_do_not_order_them(monkeypatch: pytest.Monkey
     held = Zone("z0", (90, 190, 190, 240), words=(ReadWord(below.text, below.box, 0.9, 0),), text="Bell")
     page = Page(800, 600, (held,))
     monkeypatch.setattr(page_reading, "segment_read_page", lambda *given: (page, [*WORDS, below], False))
-    document = read(Encoding("json")).document
+    document = document_of(read(Encoding("json")))
     assert [word["text"] for word in document["text"]["words"]] == ["Dear", "Smith", "Bell"]  # type: ignore[index]
 
 
@@ -72,7 +72,7 @@ def test_a_page_that_was_not_read_to_its_end_has_a_warning(
     monkeypatch.setattr(
         page_reading, "segment_read_page", lambda *given: (Page(800, 600, ()), list(WORDS), cut)
     )
-    document = read(Encoding("json")).document
+    document = document_of(read(Encoding("json")))
     assert [word["text"] for word in document["text"]["words"]] == ["Dear", "Smith"]  # type: ignore[index]
     codes = [warning["code"] for warning in document["warnings"]]  # type: ignore[attr-defined]
     assert ("reading-cut" in codes) == cut
@@ -93,7 +93,7 @@ def test_reading_leaves_time_for_what_follows(monkeypatch: pytest.MonkeyPatch) -
 
 def test_without_the_option_nothing_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page_reading, "ocr_engine", None)
-    assert read(Encoding("json"), RectifyParameters()).document["text"] is None
+    assert document_of(read(Encoding("json"), RectifyParameters()))["text"] is None
 
 
 def test_a_pdf_can_be_searched() -> None:
@@ -141,5 +141,5 @@ def test_a_language_that_is_not_installed_is_refused_with_those_that_are(
             read(Encoding("json"), parameters)
         assert told.value.field == "language"
     assert pipeline.calls == []
-    text = read(Encoding("json"), RectifyParameters(text=True, language="deu+eng")).document["text"]
+    text = document_of(read(Encoding("json"), RectifyParameters(text=True, language="deu+eng")))["text"]
     assert text["language"] == "deu+eng"  # type: ignore[index]

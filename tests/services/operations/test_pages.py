@@ -13,6 +13,7 @@ from services.contract.images import Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.errors import NotAcceptable
 from tests.services.imaging.files import make_file
+from tests.services.operations.documents import document_of
 from tests.services.operations.pipelines import RectifyPipeline
 from tests.services.operations.single_uploads import rectify_upload
 
@@ -34,14 +35,14 @@ def size_of(file: bytes) -> tuple[int, int]:
 @pytest.mark.usefixtures("pipeline")
 def test_the_document_lists_the_pages() -> None:
     reply = answer(Encoding("json", embed=True, pages_format="json"))
-    pages = reply.document["pages"]
+    pages = document_of(reply)["pages"]
     assert isinstance(pages, list)
     assert [(page["width"], page["height"]) for page in pages] == SIZES
     assert [size_of(base64.b64decode(page["image"])) for page in pages] == SIZES
     stages = pages[0]["timings_ms"]
     assert (stages["text"], stages["remap"]) == (12.3, 3.0)
-    assert reply.document["warnings"] == [{"code": "of-all", "detail": "Of all pages."}]
-    whole = reply.document["timings_ms"]
+    assert document_of(reply)["warnings"] == [{"code": "of-all", "detail": "Of all pages."}]
+    whole = document_of(reply)["timings_ms"]
     assert isinstance(whole, dict)
     assert list(whole) == ["decode", "text", "remap", "quality", "encode"]
     assert whole["text"] == pytest.approx(1.0 + 2 * 12.345, abs=0.1)
@@ -79,7 +80,7 @@ def test_a_single_page_does(pipeline: RectifyPipeline) -> None:
     pipeline.pages = 1
     reply = answer(Encoding("jpeg", pages_format=None))
     assert (reply.media_type, size_of(reply.body)) == ("image/jpeg", SIZES[0])
-    pages = reply.document["pages"]
+    pages = document_of(reply)["pages"]
     assert isinstance(pages, list)
     assert len(pages) == 1
     assert answer(Encoding(None, pages_format=None)).media_type == "image/png"

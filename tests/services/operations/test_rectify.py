@@ -5,7 +5,7 @@ import io
 import json
 import math
 import pickle
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,25 +14,45 @@ import pytest
 from PIL import Image, ImageCms
 from pydantic import TypeAdapter
 
-from app.schemas.rectify import CreasedSheet, RectifyResult
+from services.contract.answers.rectify import CreasedSheet, RectifyResult
 from services.contract.images import Encoding, ImageLimits
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NoText, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.operations import rectify as rectify_operation
+from services.operations.page_bundle import KEPT_OPTIONS
 from services.progress import progress_to, report_progress
 from services.sheet.surfaces import MeshSurface
 from tests.services.imaging.files import make_exif, make_file
+from tests.services.operations.documents import document_of
 from tests.services.operations.pipelines import RectifyPipeline, reject_constant, turned_mesh
 from tests.services.operations.single_uploads import rectify_upload
 
 LIMITS = ImageLimits()
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
 PARAMETERS = RectifyParameters(kind="planar", upright=False)
+OF_ONE_ANSWER = {
+    "region",
+    "pages",
+    "on_no_text",
+    "text",
+    "preview",
+    "cameras",
+    "corners",
+    "rotate",
+    "keep_photo",
+}
+"""Options of a request that a kept page is not analysed by again."""
+
+
+def test_every_option_is_kept_with_a_page_or_of_one_answer() -> None:
+    options = {field.name for field in fields(RectifyParameters)}
+    assert options == {*KEPT_OPTIONS, *OF_ONE_ANSWER}
+    assert OF_ONE_ANSWER.isdisjoint(KEPT_OPTIONS)
 
 
 def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
     reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS)
-    document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
+    document = json.loads(json.dumps(document_of(reply)), parse_constant=reject_constant)
     assert document.pop("timings_ms").keys() == {"decode", "text", "remap", "quality", "encode"}
     assert document.pop("camera") == {
         "focal_length_px": 55.5,
@@ -61,11 +81,11 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
             "rotation_deg": 270,
             "mirrored": False,
             "confidence": 0.98,
-            "photo_rotation_deg": None,
+            "photo_rotation_deg": 4.7,
         },
         "width": 40,
         "height": 60,
-        "mesh": {"rows": 2, "columns": 2, "source": [[[0, 0.333], [1, 0]], [[0, 1], [None, 1]]]},
+        "mesh": {"rows": 2, "columns": 2, "source": [[[0, 0.333], [1, 0]], [[0, 1], [1, 1]]]},
         "warnings": [{"code": "focal-length-unknown", "detail": "Say it."}],
         "photo": {"width": 60, "height": 40},
         "corners": [None] * 4,
@@ -84,6 +104,7 @@ def test_the_answer_is_the_contracts(pipeline: RectifyPipeline) -> None:
         "text": None,
         "image": None,
         "image_media_type": None,
+        "page_id": None,
     }
 
 
@@ -92,7 +113,7 @@ def test_a_creased_page_is_a_mesh_in_the_contracts_terms(pipeline: RectifyPipeli
     normals = np.tile([0.0, -0.6, 0.8], (2, 3, 1))
     pipeline.surface = MeshSurface(np.stack([x, y], axis=-1), normals)
     reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS)
-    document = json.loads(json.dumps(reply.document), parse_constant=reject_constant)
+    document = json.loads(json.dumps(document_of(reply)), parse_constant=reject_constant)
     surface = document["surface"]
     assert (surface["type"], surface["rows"], surface["columns"]) == ("mesh", 3, 4)
     assert surface["points"][2][1] == [0.33, 4.0]
@@ -123,7 +144,7 @@ def test_the_pipelines_progress_is_a_part_of_the_operations(monkeypatch: pytest.
 @pytest.mark.parametrize("not_finite", [math.nan, math.inf, -math.inf, np.float32("nan")])
 def test_what_is_not_finite_becomes_null(pipeline: RectifyPipeline, not_finite: float) -> None:
     pipeline.field_of_view_rad = pipeline.convergence = not_finite
-    document = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS).document
+    document = document_of(rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding(), LIMITS))
     restored = json.loads(json.dumps(document), parse_constant=reject_constant)
     assert restored["camera"]["field_of_view_deg"] is None
     assert restored["evidence"]["major_convergence"] is None
@@ -162,7 +183,7 @@ def test_the_file_is_in_the_asked_for_or_in_the_uploads_format(
     with Image.open(io.BytesIO(reply.body)) as picture:
         assert picture.format == mark
         assert picture.size == (40, 60)
-    assert reply.document["image"] is None
+    assert document_of(reply)["image"] is None
 
 
 @pytest.mark.usefixtures("pipeline")
@@ -175,8 +196,8 @@ def test_pdf() -> None:
 @pytest.mark.usefixtures("pipeline")
 def test_json_has_no_body_and_encodes_nothing() -> None:
     reply = rectify_upload(make_file(PHOTO, "PNG"), PARAMETERS, Encoding("json"), LIMITS)
-    assert (reply.body, reply.media_type, reply.document["image"]) == (b"", "application/json", None)
-    timings = reply.document["timings_ms"]
+    assert (reply.body, reply.media_type, document_of(reply)["image"]) == (b"", "application/json", None)
+    timings = document_of(reply)["timings_ms"]
     assert isinstance(timings, dict)
     assert "encode" not in timings
 
@@ -186,15 +207,15 @@ def test_json_has_no_body_and_encodes_nothing() -> None:
 def test_json_can_hold_the_image_in_the_uploads_format(plugin: str, mark: str) -> None:
     reply = rectify_upload(make_file(PHOTO, plugin), PARAMETERS, Encoding("json", embed=True), LIMITS)
     assert reply.body == b""
-    assert isinstance(reply.document["image"], str)
-    with Image.open(io.BytesIO(base64.b64decode(reply.document["image"], validate=True))) as picture:
+    assert isinstance(document_of(reply)["image"], str)
+    with Image.open(io.BytesIO(base64.b64decode(document_of(reply)["image"], validate=True))) as picture:
         assert picture.format == mark
 
 
 @pytest.mark.usefixtures("pipeline")
 def test_json_can_hold_a_smaller_image_in_another_format() -> None:
     asked = Encoding("json", embed=True, embed_format="webp", max_width=20)
-    document = rectify_upload(make_file(PHOTO, "TIFF"), PARAMETERS, asked, LIMITS).document
+    document = document_of(rectify_upload(make_file(PHOTO, "TIFF"), PARAMETERS, asked, LIMITS))
     assert (document["width"], document["height"]) == (20, 30)
     assert document["image_media_type"] == "image/webp"
     assert isinstance(document["image"], str)
@@ -274,7 +295,9 @@ def test_a_photo_without_text_is_kept_if_asked_for(monkeypatch: pytest.MonkeyPat
         reply = rectify_upload(upload, keep, Encoding("png"), LIMITS)
         with Image.open(io.BytesIO(reply.body)) as picture:
             assert np.array_equal(np.asarray(picture), PHOTO)
-    document = rectify_upload(upload, RectifyParameters(on_no_text="keep"), Encoding("json"), LIMITS).document
+    document = document_of(
+        rectify_upload(upload, RectifyParameters(on_no_text="keep"), Encoding("json"), LIMITS)
+    )
     described = RectifyResult.model_validate(document)
     assert described.mesh.source[-1][-1] == (PHOTO.shape[1] - 1, PHOTO.shape[0] - 1)
     assert [warning.code for warning in described.warnings] == ["kept-as-it-is"]
@@ -290,8 +313,8 @@ def test_pixels_that_are_not_square_are_made_square_and_places_are_in_those_of_t
     ((shape, parameters, _, _),) = pipeline.calls
     assert shape == (80, 60, 3)
     assert parameters.region[2] == pytest.approx((50.0, 60.5))
-    assert reply.document["photo"] == {"width": 60, "height": 40}
-    mesh = reply.document["mesh"]
+    assert document_of(reply)["photo"] == {"width": 60, "height": 40}
+    mesh = document_of(reply)["mesh"]
     assert isinstance(mesh, dict)
     # The middle of a pixel of the file lies between two of the square ones.
     assert np.array(mesh["source"]) == pytest.approx(

@@ -13,13 +13,14 @@ import pypdfium2
 import pytest
 from PIL import Image
 
-from app.representations import image_headers
+from app.http.representations import image_headers
 from services.contract.images import DocumentLimits, Encoding, ImageLimits, PageReply
 from services.contract.rectify import RectifyParameters
 from services.errors import InvalidOption, NotAcceptable, NotDoneInTime, NoText, TooLarge, UndecodableImage
 from services.operations import rectify, rectify_documents
 from services.operations.rectify_documents import bind_done_pages, rectify_uploads
 from tests.services.imaging.files import make_file
+from tests.services.operations.documents import document_of
 from tests.services.operations.pipelines import RectifyPipeline, turned_mesh
 
 PHOTO = np.random.default_rng(1).integers(0, 256, (40, 60, 3), dtype=np.uint8)
@@ -39,7 +40,7 @@ def run(
 
 def pages_of(reply: PageReply) -> list[dict[str, Any]]:
     """Of its document."""
-    pages = reply.document["pages"]
+    pages = document_of(reply)["pages"]
     assert isinstance(pages, list)
     return pages
 
@@ -55,7 +56,7 @@ def tiff_of(*frames: np.ndarray) -> bytes:
 def test_one_photo_is_answered_as_before() -> None:
     reply = run(JPEG, encoding=Encoding())
     assert reply.media_type == "image/jpeg"
-    assert "pages" not in reply.document
+    assert "pages" not in document_of(reply)
 
 
 def test_photos_are_pages_in_their_order() -> None:
@@ -112,9 +113,9 @@ def test_an_archive_of_json_files_has_what_json_has() -> None:
         with zipfile.ZipFile(io.BytesIO(zipped.body)) as files:
             assert files.namelist() == [f"page-0{number}.json" for number in range(1, len(uploads) + 1)]
             pages = [json.loads(files.read(name)) for name in files.namelist()]
-        assert pages == (pages_of(zipped) if len(uploads) > 1 else [zipped.document])
+        assert pages == (pages_of(zipped) if len(uploads) > 1 else [document_of(zipped)])
         plain = run(*uploads, encoding=Encoding("json", pages_format="json"))
-        described = pages_of(plain) if len(uploads) > 1 else [plain.document]
+        described = pages_of(plain) if len(uploads) > 1 else [document_of(plain)]
         assert [page.get("mesh") for page in pages] == [page.get("mesh") for page in described]
 
 
@@ -127,7 +128,7 @@ def test_a_page_that_fails_does_not_lose_the_others() -> None:
     ]  # fmt: skip
     assert pages[1]["problem"]["field"] == "image[1]"
     assert pages[2]["problem"]["detail"].startswith("image[2]: ")
-    assert reply.document["warnings"][0]["code"] == "pages-failed"  # type: ignore[index]
+    assert document_of(reply)["warnings"][0]["code"] == "pages-failed"
 
 
 def test_when_all_fail_the_first_problem_is_the_answer() -> None:
@@ -213,7 +214,7 @@ def test_pages_that_are_done_outlive_their_worker(tmp_path: Path, monkeypatch: p
         {"code": "timed-out", "detail": f"image[{index}]: {REASON}", "field": f"image[{index}]"}
         for index in (4, 5)
     ]
-    (warning,) = reply.document["warnings"]  # type: ignore[misc]
+    (warning,) = document_of(reply)["warnings"]
     assert warning["code"] == "pages-failed"
     assert warning["detail"].endswith("3, 5, 6. JSON has the reason.")
 
@@ -294,7 +295,7 @@ def test_a_page_without_text_among_several_is_kept_unless_it_shall_be_refused(
     assert pages_of(kept)[1]["warnings"][0]["code"] == "kept-as-it-is"
     assert (pages_of(kept)[1]["width"], pages_of(kept)[1]["height"]) == (30, 60)
     assert pages_of(kept)[1]["orientation"]["photo_rotation_deg"] == 90
-    assert image_headers(kept.document)["Document-Warnings"] == "focal-length-unknown, kept-as-it-is"
+    assert image_headers(kept.answer)["Document-Warnings"] == "focal-length-unknown, kept-as-it-is"
     assert pages_of(run(JPEG, PNG, on_no_text="refuse"))[1]["problem"]["code"] == "no-text"
     with pytest.raises(NoText):
         run(PNG)

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.contract.answers.mosaic import Pair
 from services.contract.images import Encoding
-from services.mosaic.results import MosaicResult, Pair, Patch
+from services.mosaic.results import MosaicResult, Patch
 from services.operations.reduced_views import reduce_mosaic, reduce_view, reduced_size
 from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
 from services.sheet.surfaces import PlaneSurface
@@ -76,7 +77,7 @@ def test_pixels_are_means_of_those_that_they_cover() -> None:
 def test_a_mosaic_has_its_points_in_the_smaller_picture() -> None:
     corners = np.array([[[-0.5, -0.5], [999.5, -0.5]], [[-0.5, 1999.5], [999.5, 1999.5]]])
     patches = (Patch(True, corners, 2.0, 1.0), Patch(False))
-    pair = Pair(0, 1, 9, 8, 1, 0.2, 0.5)
+    pair = Pair(a=0, b=1, matches=9, votes=8, runner_up_votes=1, overlap_fraction=0.2, residual_px=0.5)
     mosaic = MosaicResult(
         np.zeros((2000, 1000, 3), np.uint8), 0, patches, (pair,), (1,), Orientation(0, False, None)
     )

@@ -62,10 +62,13 @@ _GRAPHIC_TYPES = matches(
 _PLAIN_REGION = Rule(_REGION, {"custom": anything}, (("Coords", 1, 1), (_REGIONS, 0, MANY)))
 PAGE_RULES = {
     "PcGts": Rule({}, {}, (("Metadata", 1, 1), ("Page", 1, 1))),
-    "Metadata": Rule({}, {}, (("Creator", 1, 1), ("Created", 1, 1), ("LastChange", 1, 1))),
+    "Metadata": Rule(
+        {}, {}, (("Creator", 1, 1), ("Created", 1, 1), ("LastChange", 1, 1), ("Comments", 0, 1))
+    ),
     "Creator": Rule({}, {}, text=anything),
     "Created": Rule({}, {}, text=moment),
     "LastChange": Rule({}, {}, text=moment),
+    "Comments": Rule({}, {}, text=anything),
     "Page": Rule(
         {"imageFilename": anything, "imageWidth": whole, "imageHeight": whole},
         {"custom": anything},

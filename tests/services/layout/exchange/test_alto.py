@@ -32,6 +32,13 @@ def alto(
     ).encode()
 
 
+def test_a_page_of_a_turned_image_says_so() -> None:
+    written = write_alto(recognized(Page(10, 20, ())), "p.png", CREATED, 270)
+    assert faults_of_alto(written) == []
+    assert b"turned clockwise by 270 degrees" in written
+    assert b"turned" not in write_alto(recognized(Page(10, 20, ())), "p.png", CREATED)
+
+
 @pytest.mark.pipeline
 @given(pages())
 @settings(max_examples=60, deadline=None)

@@ -30,6 +30,13 @@ def region(
     return f'<pc:{tag} id="{name}" {more}><pc:Coords points="{points}"/>{parts.get("inside", "")}</pc:{tag}>'
 
 
+def test_a_page_of_a_turned_image_says_so() -> None:
+    written = write_page_xml(recognized(Page(10, 20, ())), "p.png", CREATED, 90)
+    assert faults_of_page_xml(written) == []
+    assert b"turned clockwise by 90 degrees" in written
+    assert b"turned" not in write_page_xml(recognized(Page(10, 20, ())), "p.png", CREATED)
+
+
 @pytest.mark.pipeline
 @given(pages())
 @settings(max_examples=60, deadline=None)

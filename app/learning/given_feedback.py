@@ -1,0 +1,192 @@
+"""What a person said of a stored result: the body of a feedback, joined with the result to the verified page."""
+
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, replace
+from typing import Any
+
+from app.learning.labelled_pages import layout_settings
+from app.review.decisions import verdicts_of
+from app.schemas.layout import known_result
+from app.schemas.layout_feedback import FeedbackBody
+from app.state import AppState
+from models.records import RECOGNIZED, recognized
+from services.contract.layout_learning import Adaptation, VerifiedPage
+from services.errors import InvalidOption
+
+_MOST_NAMED = 20
+
+
+@dataclass(frozen=True, slots=True)
+class GivenFeedback:
+    """A feedback as it was given, the verified page, and the zones that its result shows.
+
+    `document` is the stored result, `recognized` what was recognized of it, `texts` those that the person gave now,
+    and `sure_texts` the ids of all zones whose text a person has given. `seen` has the ids of the earlier feedback on
+    the result.
+    """
+
+    result_id: str
+    key: str | None
+    request: dict[str, Any]
+    owner: str | None
+    seen: Set[str]
+    document: Mapping[str, Any]
+    verified: VerifiedPage[dict[str, Any]]
+    zones: list[dict[str, Any]]
+    texts: list[dict[str, Any]]
+
+    @property
+    def recognized(self) -> Mapping[str, Any]:
+        """Page and result of the recognition."""
+        return recognized(self.document)
+
+    @property
+    def sure_texts(self) -> frozenset[str]:
+        """Ids of the zones whose text a person has given, now or before."""
+        before = {
+            zone["id"]: zone["text"]
+            for zone in self.document["result"]["zones"]
+            if RECOGNIZED in self.document and zone.get("text_confidence") == 1.0
+        }
+        kept = (zone["id"] for zone in self.zones if zone["text"] == before.get(zone["id"]))
+        return frozenset((*kept, *(each["zone"] for each in self.texts)))
+
+    @property
+    def is_new_class(self) -> bool:
+        """Whether the verified class may be made."""
+        return bool(self.request.get("new_class"))
+
+    def verdicts(self, adaptation: Adaptation) -> list[list[Any]]:
+        """What the person said of the zones that were recognized."""
+        verified = self.verified
+        kept = {str(zone["id"]) for zone in verified.page["zones"]}
+        wrong = {str(each["zone"]) for each in adaptation.wrong}
+        class_is_right = verified.found_class == verified.verified_class
+        result = known_result(self.recognized["result"])
+        return [] if result is None else verdicts_of(result, wrong, kept, class_is_right=class_is_right)
+
+
+async def given_feedback(
+    state: AppState,
+    result_id: str,
+    key: str | None,
+    request: dict[str, Any],
+    body: FeedbackBody,
+    owner: str | None,
+) -> GivenFeedback:
+    """The feedback on the result as it is now.
+
+    Raises
+    ------
+    ResultNotFound
+    InvalidOption
+        As `verified_page`; also when a zone is invalid.
+    """
+    seen = await state.store.call(lambda store: store.feedback_ids(result_id))  # before what follows from it
+    document = (await state.store.call(lambda store: store.result(result_id))).document
+    verified = verified_page(document, body)
+    given = GivenFeedback(
+        result_id, key, request, owner, seen, document, verified, document["result"]["zones"], []
+    )
+    if body.zones is None and not body.texts:
+        return given
+    zones = _zones_with_texts(document, body)
+    if body.zones is not None:
+        zones = [zone.model_dump(exclude_none=True) for zone in body.zones]
+    revised = await state.engine.submit(
+        state.operations.revise_page, document["page"], zones, layout_settings(state.settings)
+    )
+    verified = replace(verified, page=revised.page)
+    if body.zones is not None:
+        labels = {str(zone["id"]): zone.get("label") for zone in revised.zones}
+        found_labels = {zone: verified.found_labels.get(zone) for zone in labels}
+        found_page = given.recognized["page"]
+        verified = replace(verified, found_labels=found_labels, labels=labels, found_page=found_page)
+    return replace(given, verified=verified, zones=revised.zones, texts=revised.texts)
+
+
+def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[dict[str, Any]]:
+    """All zones of a result in reading order, with the labels and the texts that the person gave.
+
+    Raises
+    ------
+    InvalidOption
+        When the result has no zone for one of the texts.
+    """
+    found = {zone["id"]: zone for zone in document["result"]["zones"]}
+    for zone in body.texts:
+        if zone not in found:
+            shown = zone[:80]
+            raise InvalidOption(
+                f"texts: the result has no zone {shown!a}. Use the ids in `zones` of the result.",
+                f"texts.{shown}",
+            )
+    return [
+        {
+            "id": zone,
+            "box": each["box"],
+            "kind": each["kind"],
+            "label": body.labels.get(zone, each["label"]),
+            "text": body.texts.get(zone, ""),
+        }
+        for zone, each in sorted(found.items(), key=lambda item: item[1].get("order", 0))
+    ]
+
+
+def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[dict[str, Any]]:
+    """The page of a stored result, with the feedback applied to what the result shows; drawn zones are not in it yet.
+
+    Raises
+    ------
+    InvalidOption
+        When the result is of a document of several pages, each of which has its own result; when the result has no
+        such zone; when no class was found and none is given.
+    """
+    _require_single_page(document)
+    before, result = recognized(document), document["result"]
+    shown_class, found_class = _class_of(result), _class_of(before["result"])
+    shown_labels = {zone["id"]: zone["label"] for zone in result["zones"]}
+    for zone, label in body.labels.items():
+        if zone not in shown_labels:
+            shown = zone[:80]
+            raise InvalidOption(
+                f"labels: the result has no zone {shown!a}. Use the ids in `zones` of the result.",
+                f"labels.{shown}",
+            )
+        if label is not None and not (label and label.isprintable()):
+            raise InvalidOption(
+                f"labels.{zone}: expected printable characters, or null for no label of the model; got {label!a}.",
+                f"labels.{zone}",
+            )
+    has_class = "class_" in body.model_fields_set
+    if not has_class and shown_class is None:
+        raise InvalidOption(
+            "class: no class was found for this page. Give its class, or null for none.", "class"
+        )
+    verified_class = body.class_ if has_class else shown_class
+    if RECOGNIZED not in document:
+        return VerifiedPage(document["page"], found_class, shown_labels, verified_class, body.labels)
+    found_labels = {zone["id"]: zone["label"] for zone in before["result"]["zones"]}
+    labels = {**shown_labels, **body.labels} if verified_class == shown_class else body.labels
+    is_drawn = _places(document["page"]) != _places(before["page"])
+    found_page = before["page"] if is_drawn else None
+    found_labels = {zone: found_labels.get(zone) for zone in shown_labels}
+    return VerifiedPage(document["page"], found_class, found_labels, verified_class, labels, found_page)
+
+
+def _class_of(result: Mapping[str, Any]) -> str | None:
+    return None if result["class"] is None else result["class"]["name"]
+
+
+def _places(page: Mapping[str, Any]) -> dict[str, Any]:
+    return {str(zone["id"]): zone["box"] for zone in page["zones"]}
+
+
+def _require_single_page(document: Mapping[str, Any]) -> None:
+    if "page" not in document:
+        pages = ", ".join(document["pages"][:_MOST_NAMED])
+        raise InvalidOption(
+            f"id: this document has {len(document['pages'])} pages. Send the feedback on each page to the result of "
+            f"that page ({pages}).",
+            "id",
+        )

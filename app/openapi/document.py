@@ -1,0 +1,170 @@
+"""The OpenAPI document: FastAPI's, in a form from which generators make clients without warnings."""
+
+import json
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from app.access.authentication import HEADER as API_KEY_HEADER
+from app.access.authentication import OPEN_PATHS
+from app.http.problems import documented
+from app.openapi.examples import BODY_EXAMPLES, RESPONSE_EXAMPLES
+from app.schemas.layout_samples import PageBody
+from services.contract.answers.problem import Problem
+
+JSON = "application/json"
+FORM = "multipart/form-data"
+PROBLEM = "application/problem+json"
+_BINARY = "application/octet-stream"
+
+
+def describe(app: FastAPI, tags: Mapping[str, str], *, keys: bool, root_path: str) -> dict[str, Any]:
+    """The OpenAPI document of `app`.
+
+    Parameters
+    ----------
+    app
+        The app with all its routes.
+    tags
+        Meaning of each tag.
+    keys
+        Whether API keys are configured.
+    root_path
+        Prefix of all paths, as clients see them.
+    """
+    document = get_openapi(
+        title=app.title,
+        version=app.version,
+        summary=app.summary,
+        routes=app.routes,
+        tags=[{"name": name, "description": meaning} for name, meaning in tags.items()],
+        servers=[{"url": root_path}] if root_path else None,
+    )
+    components = document.setdefault("components", {})
+    schemas = components.setdefault("schemas", {})
+    for _, operation in operations_of(document):
+        _describe_problems(operation)
+        _add_examples(operation)
+        _put_json_first(operation)
+    for foreseen in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(foreseen, None)
+    schemas["Problem"] = Problem.model_json_schema()
+    page = PageBody.model_json_schema(ref_template="#/components/schemas/{model}")
+    schemas |= {**page.pop("$defs"), "PageBody": page}
+    if keys:
+        _describe_keys(document)
+    _name_schemas(document)
+    _simplify(document)
+    return document
+
+
+def operations_of(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Path and description of each operation in the document."""
+    for path, methods in document["paths"].items():
+        for operation in methods.values():
+            yield path, operation
+
+
+def _describe_problems(operation: dict[str, Any]) -> None:
+    """Remove FastAPI's validation response, which is never sent; add that of an unknown query option."""
+    responses = operation["responses"]
+    if "HTTPValidationError" in str(responses.get("422")):
+        del responses["422"]
+    for status, response in documented("invalid-option").items():
+        responses.setdefault(str(status), response)
+
+
+def _describe_keys(document: dict[str, Any]) -> None:
+    """Say that every operation needs a key, except those of open paths."""
+    document["components"]["securitySchemes"] = {
+        "ApiKey": {"type": "apiKey", "in": "header", "name": API_KEY_HEADER},
+        "Bearer": {"type": "http", "scheme": "bearer"},
+    }
+    for path, operation in operations_of(document):
+        if path not in OPEN_PATHS:
+            operation["security"] = [{"ApiKey": []}, {"Bearer": []}]
+            refusals = documented("unauthorized", "forbidden")
+            operation["responses"] |= {str(status): meaning for status, meaning in refusals.items()}
+
+
+def _name_schemas(document: dict[str, Any]) -> None:
+    """Move object schemas that have a title to the components; generators name classes by it."""
+    schemas = document["components"]["schemas"]
+    for _, operation in operations_of(document):
+        parts = [operation.get("requestBody", {}), *operation["responses"].values()]
+        for content in (content for part in parts for content in part.get("content", {}).values()):
+            schema = content.get("schema", {})
+            if schema.get("type") != "object" or "title" not in schema:
+                continue
+            text = json.dumps(schema).replace("#/$defs/", "#/components/schemas/")
+            schema = json.loads(text)
+            schemas |= schema.pop("$defs", {})
+            schemas[schema["title"]] = schema
+            content["schema"] = {"$ref": f"#/components/schemas/{schema['title']}"}
+
+
+def _add_examples(operation: dict[str, Any]) -> None:
+    """A short real example for the body and for the JSON response of the operation."""
+    name = operation["operationId"]
+    contents = operation.get("requestBody", {}).get("content", {})
+    for media_type in (JSON, FORM):
+        if media_type in contents and name in BODY_EXAMPLES.get(media_type, {}):
+            contents[media_type]["example"] = deepcopy(BODY_EXAMPLES[media_type][name])
+    for status, response in operation["responses"].items():
+        content = response.get("content", {})
+        if status.startswith("2") and JSON in content and (status, name) in RESPONSE_EXAMPLES:
+            content[JSON]["example"] = deepcopy(RESPONSE_EXAMPLES[status, name])
+        elif PROBLEM in content:
+            code = response["description"].split("`")[1]
+            content[PROBLEM] = {
+                **content[PROBLEM],
+                "example": _problem_example(int(status), code, response["description"]),
+            }
+
+
+def _put_json_first(operation: dict[str, Any]) -> None:
+    """Order the types of each response: generators take the first one that they know."""
+    for response in operation["responses"].values():
+        if JSON in response.get("content", {}):
+            content = response["content"]
+            response["content"] = {JSON: content.pop(JSON), **content}
+
+
+def _problem_example(status: int, code: str, description: str) -> dict[str, Any]:
+    detail = description.split(f"`{code}`: ", 1)[1].split(" `", 1)[0]
+    return {
+        "type": "about:blank",
+        "title": code.replace("-", " ").capitalize(),
+        "status": status,
+        "code": code,
+        "detail": detail,
+        "request_id": "7f3a9c0e5b1d4e8f",
+    }
+
+
+def _simplify(part: Any) -> None:
+    """Change what generators misread, everywhere in `part`.
+
+    Files are `format: binary`: generators and Swagger UI take FastAPI's `contentMediaType` for text. A form's
+    condition on its parts (`anyOf` at its root) makes generators drop its fields; the description has it too.
+    Integers have integral bounds, because generators print them.
+    """
+    if isinstance(part, list):
+        for each in part:
+            _simplify(each)
+    if not isinstance(part, dict):
+        return
+    if part.get("type") == "string" and part.get("contentMediaType") == _BINARY:
+        del part["contentMediaType"]
+        part["format"] = "binary"
+    if part.get("type") == "object" and "properties" in part and part.pop("anyOf", None):
+        part["minProperties"] = 1
+    if part.get("type") == "integer":
+        for bound in ("minimum", "maximum"):
+            if isinstance(part.get(bound), float):
+                part[bound] = int(part[bound])
+    for each in part.values():
+        _simplify(each)

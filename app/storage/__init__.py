@@ -1,0 +1,1 @@
+"""Access of the app to what is stored, and its upkeep."""
