@@ -65,9 +65,9 @@ def features_of(quality: CaptureQuality) -> tuple[float, float, float, float, fl
 class PhotoCalibration:
     """The logit of the error on real pages: a line of that of `ErrorModel`, and more the smaller tiny letters are."""
 
-    constant: float = 2.92
-    slope: float = 1.45
-    tiny_letters: float = 1.14
+    constant: float = 2.98
+    slope: float = 1.46
+    tiny_letters: float = 1.06
 
 
 def photo_variables(quality: CaptureQuality, model: ErrorModel | None = None) -> tuple[float, float]:
@@ -103,7 +103,7 @@ class ReadingModel:
     A wrong word has right letters too, so that the error is less than this share. Figures of the photo add nothing.
     """
 
-    constant: float = -0.41
+    constant: float = -0.42
     slope: float = 1.04
 
 
