@@ -5,6 +5,7 @@ but a third of those at 0.3 to 0.6. Beta calibration (Kull, Silva Filho and Flac
 coefficients are learned by `python -m benchmarks text_confidence`.
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,3 +35,15 @@ def probability_right(confidence: float, trust: WordTrust | None = None) -> floa
     """Probability, 0-1, that a word of the engine's `confidence` is right."""
     t = trust or WordTrust()
     return float(expit(features_of(confidence) @ (t.constant, t.of_confidence, t.of_doubt)))
+
+
+def confidence_for(probability: float) -> float:
+    """The engine's confidence, 0-1, of a word that is right with this probability: words of another reader have it."""
+    return float(np.interp(probability, *_probabilities()))
+
+
+@functools.cache
+def _probabilities() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rising probabilities (N,) and their confidences (N,)."""
+    confidences = np.linspace(LEAST, LARGEST, 196)
+    return np.array([probability_right(each) for each in confidences]), confidences
