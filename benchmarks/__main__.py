@@ -21,6 +21,7 @@ MODULES = {
     "paper": "rectify.paper",
     "app_scans": "rectify.app_scans",
     "whole_sheets": "rectify.whole_sheets",
+    "house": "house",
     "print_kept": "rectify.print_kept",
     "flatness": "rectify.flatness",
     "reading": "reading.study",

@@ -18,7 +18,7 @@ from app.http.paths import PlainPaths
 from app.http.problems import ProblemBoundary
 from app.http.transfer import ConditionalGet, HeadAndOptions, RootPath
 from app.http.upload_places import UploadPlaces
-from app.http.uploads import Admission, BodyGuard
+from app.http.uploads import BodyGuard, UploadAdmission
 from app.jobs.forwarding import JobAdmission
 from app.jobs.registry import Jobs
 from app.logs import RequestLog
@@ -93,7 +93,7 @@ def add_middleware(
     admission to the queue of jobs and to the engine.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
-    app.add_middleware(Admission, engine=engine, work=WORK, places=places)
+    app.add_middleware(UploadAdmission, engine=engine, work=WORK, places=places)
     app.add_middleware(
         JobAdmission,
         jobs=jobs,

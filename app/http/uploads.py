@@ -161,7 +161,7 @@ class _Exchange:
             pass
 
 
-class Admission:
+class UploadAdmission:
     """Middleware: a request for work gets a seat in the engine when its body is there.
 
     A full engine refuses before the body is read. While a body arrives, the request has one of the `places`. The seat

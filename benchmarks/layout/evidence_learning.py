@@ -34,7 +34,7 @@ from services.layout.recognition.label_evidence import (
     EVIDENCE_FEATURES,
     READ,
     UNREAD,
-    Evidence,
+    LabelEvidence,
     label_features,
 )
 from services.layout.recognition.results import Recognition
@@ -63,7 +63,7 @@ def without_texts(page: Page) -> Page:
     return replace(page, zones=tuple(replace(zone, content={}, text="", words=()) for zone in page.zones))
 
 
-def features_of(seen: Recognition, model: LayoutModel, kind: Evidence) -> NDArray[np.float64]:
+def features_of(seen: Recognition, model: LayoutModel, kind: LabelEvidence) -> NDArray[np.float64]:
     """`EVIDENCE_FEATURES` (N, 6) of the labels of a page that this model alone has labelled."""
     graph = build_graph(seen.page, content_features().names)
     compiled = compile_model(model, graph.content_names)
@@ -88,7 +88,7 @@ def judge_labels_of(photos: Sequence[Photo], size: str) -> dict[str, Judged]:
     return {name: join(each) for name, each in found.items()}
 
 
-def _judge(seen: Recognition, true: Page, model: LayoutModel, kind: Evidence) -> Judged:
+def _judge(seen: Recognition, true: Page, model: LayoutModel, kind: LabelEvidence) -> Judged:
     is_right = [each.label == zone.label for each, zone in zip(seen.zones, true.zones, strict=True)]
     return features_of(seen, model, kind), np.array(is_right, bool)
 
@@ -99,7 +99,7 @@ def join(judged: Sequence[Judged]) -> Judged:
     return np.concatenate(features), np.concatenate(is_right)
 
 
-def fit_weights(cases: Sequence[Judged], kind: Evidence) -> NDArray[np.float64]:
+def fit_weights(cases: Sequence[Judged], kind: LabelEvidence) -> NDArray[np.float64]:
     """Weights (6,) under which the labels are most probable, each case weighing the same.
 
     Features without a weight in `kind` are left out.

@@ -40,7 +40,7 @@ class ModelDifference:
 
 
 @dataclass(frozen=True, slots=True)
-class StoredPage:
+class PageDocument:
     """A stored page (an unknown page or a sample): its id and its document."""
 
     id: str

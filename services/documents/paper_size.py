@@ -34,7 +34,7 @@ _SIZE = re.compile(r"(\d{1,4}(?:\.\d)?)x(\d{1,4}(?:\.\d)?)(?:mm)?")
 
 
 @dataclass(frozen=True, slots=True)
-class PaperParameters:
+class PaperSizeParameters:
     """Uncertainty of the aspect, as standard deviation of its logarithm, and when a format is named."""
 
     least_deviation: float = 0.004
@@ -133,7 +133,7 @@ def measure_size(
         Factor by which the view's width over its height was changed to have the proportions of `paper`; None: it was
         not fitted to them.
     """
-    p = PaperParameters()
+    p = PaperSizeParameters()
     sides = None
     if corners is not None and np.isfinite(corners).all():
         sides = _sides(places_in_view(corners, mesh, width, height))
@@ -183,7 +183,7 @@ def size_of_photo(width: int, height: int, dpi: float | None) -> PageSize:
 
     `dpi` is the resolution of the view by the file, if it says one: it gives the size. Else the photo may be squeezed.
     """
-    p = PaperParameters()
+    p = PaperSizeParameters()
     aspect = round(width / height, 4)
     if dpi is None:
         reason = "The photo is the page. Cropping may have changed its proportions; send paper to fit the view to it."
@@ -199,7 +199,7 @@ def size_of_photo(width: int, height: int, dpi: float | None) -> PageSize:
     return PageSize(round(size[0], 1), round(size[1], 1), dpi, name, "file", reason, aspect, p.file_deviation)
 
 
-def _choose(sheet_width: float, aspect: float, deviation: float, p: PaperParameters) -> PageSize:
+def _choose(sheet_width: float, aspect: float, deviation: float, p: PaperSizeParameters) -> PageSize:
     evidence = round(aspect, 4), round(deviation, 4)
     if deviation > p.most_deviation:
         reason = (

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from services.contract.layout import LayoutSettings
-from services.contract.layout_models import StoredPage
+from services.contract.layout_models import PageDocument
 from services.layout.content.content_features import ContentFeatures
 from services.layout.discovery.class_samples import ClassSamples, gather_samples
 from services.layout.discovery.groups import GroupingParameters, PageGroup, choose_pages, group_pages
@@ -25,7 +25,7 @@ from services.progress import report_progress
 
 
 def propose_classes(
-    unknown: Sequence[StoredPage], classes: Mapping[str, Sequence[StoredPage]], settings: LayoutSettings
+    unknown: Sequence[PageDocument], classes: Mapping[str, Sequence[PageDocument]], settings: LayoutSettings
 ) -> dict[str, Any]:
     """Proposals for the set of classes, from the unknown pages and the samples of all classes, as JSON.
 

@@ -26,7 +26,7 @@ from services.sheet.developable.observations import (
     NO_LINES,
     LineObservations,
     PageObservations,
-    SheetEdges,
+    SideObservations,
 )
 from services.sheet.developable.residuals import BENDS, FittingParameters
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
@@ -98,7 +98,7 @@ class CurvedPage:
     notices: tuple[Notice, ...]
     fitted: FittedSurface
     lines: LineObservations
-    edges: SheetEdges = NO_EDGES
+    edges: SideObservations = NO_EDGES
     kind: ClassVar[Literal["curved"]] = "curved"
     sides_believed: ClassVar[bool] = False
     sheet_aspect: ClassVar[None] = None
@@ -175,7 +175,7 @@ def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
 
 
 def recentre(
-    fitted: FittedSurface, characters: Points, p: CurvedParameters, edges: SheetEdges = NO_EDGES
+    fitted: FittedSurface, characters: Points, p: CurvedParameters, edges: SideObservations = NO_EDGES
 ) -> SurfaceStart:
     """The fitted surface as a start whose bends span the characters, and the sheet where its `edges` are seen."""
     old = fitted.surface
@@ -213,7 +213,7 @@ def thin(samples: FlowSamples, count: int) -> FlowSamples:
 def estimate_curved_page(
     evidence: PageEvidence,
     prior: FocalPrior,
-    edges: SheetEdges = NO_EDGES,
+    edges: SideObservations = NO_EDGES,
     flat_fit: FittedSurface | None = None,
 ) -> CurvedPage | NoShape:
     """Fit a bent sheet to the text of a page.
@@ -306,7 +306,7 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
 
 
 def _fit_lines(
-    e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters, edges: SheetEdges
+    e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters, edges: SideObservations
 ) -> tuple[FittedSurface, LineObservations]:
     """Fit flows and lines in rounds: each traces the lines in the view of the one before, and uses its deviations."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
@@ -323,7 +323,7 @@ def _fit_lines(
     return fitted, lines
 
 
-def _sides_hopeless(surface: DevelopableSurface, edges: SheetEdges, p: CurvedParameters) -> bool:
+def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations, p: CurvedParameters) -> bool:
     """Whether the sides are left so far from straight ones that no smooth sheet has them."""
     return len(edges.points) > 0 and measure_sides(surface, edges) > p.hopeless_sides * p.max_sides
 

@@ -6,7 +6,7 @@ from services.arrays import Points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.sheet.developable.fitting import SurfaceStart
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 from services.texture_flow.field import FlowSamples
 
 
@@ -17,7 +17,7 @@ class PageEvidence:
     Where no strokes were seen (`has_strokes`), `minor` has weak samples across the major flow.
     """
 
-    text: PageText
+    text: TracedText
     view: PhotoFrame
     major: FlowSamples
     minor: FlowSamples

@@ -5,7 +5,7 @@ import numpy as np
 from services.arrays import Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
-from services.sheet.developable.observations import NO_EDGES, SheetEdges
+from services.sheet.developable.observations import NO_EDGES, SideObservations
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
 
 LEAST_POINTS = 8
@@ -16,7 +16,7 @@ KEPT = 0.95
 """Share of the points, nearest to their lines, that are measured: the others may be notches."""
 
 
-def read_edges(outline: SheetOutline | None, view: PhotoFrame, direction_rad: float) -> SheetEdges:
+def read_edges(outline: SheetOutline | None, view: PhotoFrame, direction_rad: float) -> SideObservations:
     """The sides that are seen, in the centred coordinates of `view`; none of an outline that is more likely wrong.
 
     `direction_rad` is that of the text lines in the photo, up to a half turn.
@@ -32,14 +32,14 @@ def read_edges(outline: SheetOutline | None, view: PhotoFrame, direction_rad: fl
         along[k % 2] += abs(float(chord @ text)) / float(np.linalg.norm(chord))
     first = 0 if along[0] >= along[1] else 1
     sides = [outline.sides[k] for k in seen]
-    return SheetEdges(
+    return SideObservations(
         view.to_centred(np.concatenate([side.points for side in sides])),
         np.repeat([(k + first) % 4 for k in seen], [len(side.points) for side in sides]),
         np.concatenate([side.deviations for side in sides]) / view.unit_px,
     )
 
 
-def measure_sides(page_map: PageMap, edges: SheetEdges) -> float:
+def measure_sides(page_map: PageMap, edges: SideObservations) -> float:
     """RMS distance of the sides from four lines at right angles on the flat page, as a share of the sheet's size.
 
     NaN where no side is seen, or `page_map` does not place them.

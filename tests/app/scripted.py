@@ -39,7 +39,7 @@ from services.contract.layout_learning import (
     TrainingReport,
     VerifiedPage,
 )
-from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft, StoredPage
+from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft, PageDocument
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
 from services.contract.rectify import RectifyParameters
@@ -443,7 +443,7 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
 
 
 def propose_classes(
-    unknown: list[StoredPage], classes: dict[str, list[StoredPage]], settings: LayoutSettings
+    unknown: list[PageDocument], classes: dict[str, list[PageDocument]], settings: LayoutSettings
 ) -> dict[str, object]:
     """All unknown pages are a class, the first two models are one, and the first one is two."""
     names, ids = list(classes), [page.id for page in unknown]

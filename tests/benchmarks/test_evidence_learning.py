@@ -8,7 +8,7 @@ from benchmarks.layout.evidence_learning import features_of, fit_weights, log_lo
 from benchmarks.layout.hierarchy import simulated_pages
 from benchmarks.layout.protocols import make_model, recognized
 from services.layout.pipeline import content_features
-from services.layout.recognition.label_evidence import READ, UNREAD, Evidence
+from services.layout.recognition.label_evidence import READ, UNREAD, LabelEvidence
 
 TRUE = np.array([0.4, 0.5, -0.3, 0.2, -0.6, 0.3])
 
@@ -46,7 +46,7 @@ def test_log_loss_is_that_of_the_definition() -> None:
 
 
 @pytest.mark.parametrize("kind", [READ, UNREAD])
-def test_features_are_those_of_the_evidence_that_recognition_gives(kind: Evidence) -> None:
+def test_features_are_those_of_the_evidence_that_recognition_gives(kind: LabelEvidence) -> None:
     pages = [content_features().measure_page(page) for page in simulated_pages("simulated memo", 4)]
     if kind is UNREAD:
         pages = [without_texts(page) for page in pages]

@@ -22,7 +22,7 @@ EVIDENCE_FEATURES = ("constant", "log-odds", "own", "pairs", "zones", "samples")
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class LabelEvidence:
     """Log odds for each of `EVIDENCE_FEATURES`, and the bounds beyond which a feature counts as its bound.
 
     `most_log_odds`: a label that is more probable among all labels is hardly more often right. `own_costs`: a zone
@@ -34,13 +34,13 @@ class Evidence:
     own_costs: tuple[float, float]
 
 
-READ: Final = Evidence((-0.526, 0.404, -0.348, -0.331, -0.595, 0.449), 6.0, (-12.0, 3.0))
+READ: Final = LabelEvidence((-0.526, 0.404, -0.348, -0.331, -0.595, 0.449), 6.0, (-12.0, 3.0))
 """Of pages whose text was read: a logistic regression on the zones that segmentation found on the pages of twelve
 classes (title pages of eight publications, real and made letters, memos, fax sheets), by models of 1 to 50 samples;
 each class and number of samples weighs the same. Without any one of the classes the weights are nearly the same. A
 sixth of the zones cost less than the bound: 99.8 % of their labels are right."""
 
-UNREAD: Final = Evidence((-1.522, 0.415, -0.435, -0.349, 0.0, 0.239), 12.0, (-3.0, 3.0))
+UNREAD: Final = LabelEvidence((-1.522, 0.415, -0.435, -0.349, 0.0, 0.239), 12.0, (-3.0, 3.0))
 """Of pages whose text was not read: learned on real letters, memos, fax sheets and title pages of three publications
 without their texts. A zone has fewer attributes then: its own cost only tells that it is strange, and log odds beyond 6
 still say something. The number of zones is left out: with it, classes that took no part are believed less well."""
@@ -54,7 +54,7 @@ MOST_AWAY = 2.0
 sheets had in zones with other labels only, 12 of 16 were right up to 2, 4 of 13 from 2 to 4, 4 of 24 from 4 to 8."""
 
 
-def evidence_of(is_read: bool) -> Evidence:
+def evidence_of(is_read: bool) -> LabelEvidence:
     return READ if is_read else UNREAD
 
 
@@ -110,7 +110,7 @@ def label_features(
     labels: NDArray[np.intp],
     conditional: NDArray[np.float64],
     samples: int,
-    kind: Evidence,
+    kind: LabelEvidence,
 ) -> NDArray[np.float64]:
     """`EVIDENCE_FEATURES` (N, 6) of labels within the bounds of `kind`; see `label_evidence`."""
     log_odds = _log_odds(label_confidences(conditional, labels), kind.most_log_odds)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 
 Boxes = NDArray[np.float64]
@@ -26,7 +26,7 @@ class Kinds:
 
 
 def classify_components(
-    components: Components, unit: float, slope: float, parameters: SegmentationParameters
+    components: InkComponents, unit: float, slope: float, parameters: SegmentationParameters
 ) -> Kinds:
     """Kinds by size relative to `unit`, the page's glyph height in px; components of no kind are specks."""
     width, height, area = components.width, components.height, components.area

@@ -7,7 +7,7 @@ import numpy as np
 from services.arrays import GrayImage
 from services.layout.segmentation.components import Boxes, Kinds, classify_components
 from services.layout.segmentation.ink import (
-    Components,
+    InkComponents,
     estimate_skew,
     find_components,
     find_ink,
@@ -17,7 +17,7 @@ from services.layout.segmentation.parameters import SegmentationParameters
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class LevelledFrame:
     """From pixels of the page to the levelled working copy: divided by `scale`, turned by -atan(slope).
 
     `size` is the width and height of the working copy.
@@ -48,11 +48,11 @@ class Frame:
 class PrintedPage:
     """Components of a page on its working copy, as they lie and levelled, their kinds, and the glyph height, px."""
 
-    components: Components
-    levelled: Components
+    components: InkComponents
+    levelled: InkComponents
     kinds: Kinds
     unit: float
-    frame: Frame
+    frame: LevelledFrame
 
 
 def analyse_print(gray: GrayImage, parameters: SegmentationParameters) -> PrintedPage | None:
@@ -67,6 +67,8 @@ def analyse_print(gray: GrayImage, parameters: SegmentationParameters) -> Printe
     steepest = float(np.tan(np.radians(parameters.largest_skew_deg)))
     kinds = classify_components(components, unit, steepest, parameters)
     height, width = ink.mask.shape
-    frame = Frame(ink.scale, estimate_skew(components.boxes[kinds.glyphs], parameters), (width, height))
+    frame = LevelledFrame(
+        ink.scale, estimate_skew(components.boxes[kinds.glyphs], parameters), (width, height)
+    )
     levelled = replace(components, boxes=frame.level(components.boxes))
     return PrintedPage(components, levelled, kinds, unit, frame)

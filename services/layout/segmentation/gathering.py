@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from services.layout.page import Zone
 from services.layout.segmentation.components import Boxes, Indices, near_pairs
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.non_text import Part
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, group_linked
@@ -22,7 +22,7 @@ def gather_scraps(
     lines: Sequence[Line],
     is_sure: NDArray[np.bool_],
     parts: list[Part],
-    components: Components,
+    components: InkComponents,
     unit: float,
     parameters: SegmentationParameters,
 ) -> tuple[Blocks, list[Part]]:
@@ -107,6 +107,6 @@ def _near_groups(
     return group_linked(len(boxes), i[meet], j[meet])
 
 
-def _box(components: Components, members: Indices) -> NDArray[np.float64]:
+def _box(components: InkComponents, members: Indices) -> NDArray[np.float64]:
     boxes = components.boxes[members]
     return np.concatenate([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])

@@ -34,7 +34,7 @@ class Ink:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Components:
+class InkComponents:
     """N connected components of ink in pixels of the working copy.
 
     `boxes` (N, 4) x0, y0, x1, y1, ends exclusive; `area` (N,) of ink; `stroke` (N,) mean width of strokes;
@@ -88,7 +88,7 @@ def _is_inverted(small: GrayImage) -> bool:
     return bool(light - dark > 60 and middle - dark < 0.4 * (light - dark))
 
 
-def find_components(ink: Ink, parameters: SegmentationParameters) -> Components:
+def find_components(ink: Ink, parameters: SegmentationParameters) -> InkComponents:
     """Components of two pixels and more, at most `most_components`: the largest then."""
     count, labels, stats, _ = label_components(ink.mask)
     area = stats[:, cv2.CC_STAT_AREA]
@@ -115,7 +115,7 @@ def find_components(ink: Ink, parameters: SegmentationParameters) -> Components:
         own = labels[y[index] : y[index] + h[index], x[index] : x[index] + w[index]] == kept[index]
         drawing = read_drawing(own)
         is_border[index], cells[index] = drawing.is_border, drawing.cells
-    return Components(
+    return InkComponents(
         boxes, area[kept].astype(np.float64), area[kept] / length, hang, slant, is_border, cells
     )
 
@@ -164,7 +164,7 @@ def _hang(profile: NDArray[np.intp]) -> float:
     return float(hang) if hang <= len(profile) / 3 else 0.0
 
 
-def glyph_height(components: Components, page_px: float) -> float:
+def glyph_height(components: InkComponents, page_px: float) -> float:
     """The page's unit: the most frequent height of glyph-like components, weighted by ink, px; 0 without any."""
     height, width = components.height, components.width
     plausible = (height >= _LEAST_HEIGHT_PX) & (height <= page_px / 25)

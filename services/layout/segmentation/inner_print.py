@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.non_text import Part
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, unite_boxes
@@ -19,7 +19,7 @@ def give_to_figures(
     lines: Sequence[Line],
     is_read: NDArray[np.bool_],
     parts: Sequence[Part],
-    levelled: Components,
+    levelled: InkComponents,
     page_px: tuple[int, int],
     parameters: SegmentationParameters,
 ) -> tuple[list[list[int]], list[Part]]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Indices
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, measure_line
 
@@ -25,7 +25,7 @@ class _Head:
 
 
 def split_line_numbers(
-    lines: Sequence[Line], components: Components, parameters: SegmentationParameters
+    lines: Sequence[Line], components: InkComponents, parameters: SegmentationParameters
 ) -> tuple[list[Line], list[Line]]:
     """`lines` without the numbers before them, and those numbers from the top down; none without a column of them.
 
@@ -54,7 +54,7 @@ def split_line_numbers(
 
 
 def _find_head(
-    index: int, line: Line, components: Components, parameters: SegmentationParameters
+    index: int, line: Line, components: InkComponents, parameters: SegmentationParameters
 ) -> _Head | None:
     """The word of few digits that a line begins with or is; None without."""
     if len(line.members) == 1:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.layout.page import Kind
 from services.layout.segmentation.components import Boxes, Indices, Kinds, near_pairs
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import group_linked, unite_boxes
 
@@ -22,7 +22,7 @@ class Part:
 
 
 def find_parts(
-    components: Components,
+    components: InkComponents,
     kinds: Kinds,
     unused: NDArray[np.bool_],
     lines: Boxes,
@@ -52,7 +52,7 @@ def find_parts(
 
 
 def without_dirt(
-    parts: list[Part], components: Components, unit: float, parameters: SegmentationParameters
+    parts: list[Part], components: InkComponents, unit: float, parameters: SegmentationParameters
 ) -> list[Part]:
     """`parts` without small noise, and without what is more than `most_noise`."""
     noise = []
@@ -65,7 +65,7 @@ def without_dirt(
     )
 
 
-def _largest(components: Components, parts: list[Part], most: int) -> list[Part]:
+def _largest(components: InkComponents, parts: list[Part], most: int) -> list[Part]:
     """The `most` parts with most ink."""
     if len(parts) <= most:
         return parts
@@ -74,7 +74,7 @@ def _largest(components: Components, parts: list[Part], most: int) -> list[Part]
 
 
 def _figures(
-    components: Components, members: Indices, unit: float, parameters: SegmentationParameters
+    components: InkComponents, members: Indices, unit: float, parameters: SegmentationParameters
 ) -> list[Part]:
     boxes = components.boxes[members]
     grown = boxes + parameters.figure_gap * unit * np.array([-0.5, -0.5, 0.5, 0.5])
@@ -95,7 +95,7 @@ def _figures(
 
 
 def _rules(
-    components: Components,
+    components: InkComponents,
     members: Indices,
     lines: Boxes,
     unit: float,
@@ -148,7 +148,7 @@ def _touches_border(boxes: Boxes, page_px: tuple[int, int], unit: float) -> NDAr
 
 
 def _is_compact(
-    components: Components, members: Indices, parameters: SegmentationParameters
+    components: InkComponents, members: Indices, parameters: SegmentationParameters
 ) -> NDArray[np.bool_]:
     """Solid ink of moderate shape: a picture set to the page's border, not the shadow at a page's edge."""
     boxes = components.boxes[members]
@@ -158,7 +158,7 @@ def _is_compact(
     return np.asarray(compact & (np.max(sides, axis=1) < longest * np.min(sides, axis=1)))
 
 
-def _is_frame(components: Components, members: Indices, lines: Boxes, unit: float) -> NDArray[np.bool_]:
+def _is_frame(components: InkComponents, members: Indices, lines: Boxes, unit: float) -> NDArray[np.bool_]:
     """Thin ink round text: boxes, the grids of forms, and borders of which some sides are seen."""
     boxes = components.boxes[members]
     sides = boxes[:, 2:] - boxes[:, :2]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Indices
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 
@@ -14,7 +14,7 @@ from services.layout.segmentation.text_lines import Line
 def note_starts(
     lines: Sequence[Line],
     block: Sequence[int],
-    components: Components,
+    components: InkComponents,
     foot: float,
     parameters: SegmentationParameters,
 ) -> Indices:
@@ -55,7 +55,7 @@ def _weight(line: Line) -> float:
 
 
 def _word_starts(
-    line: Line, components: Components, parameters: SegmentationParameters
+    line: Line, components: InkComponents, parameters: SegmentationParameters
 ) -> NDArray[np.float64]:
     """Left edges of the words of a line that follow its first, short one."""
     boxes = components.boxes[line.members]

@@ -3,12 +3,12 @@
 import numpy as np
 
 from services.layout.segmentation.components import Boxes, Indices
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.order_statistics import median
 
 
-def find_operators(components: Components, glyphs: Indices, parameters: SegmentationParameters) -> Boxes:
+def find_operators(components: InkComponents, glyphs: Indices, parameters: SegmentationParameters) -> Boxes:
     """Boxes (M, 4) of the strokes of "=", "-" and dashes, which are too low for glyphs."""
     boxes = components.boxes
     height, width = boxes[:, 3] - boxes[:, 1], boxes[:, 2] - boxes[:, 0]

@@ -13,9 +13,9 @@ from services.layout.segmentation.components import Indices
 from services.layout.segmentation.entries import find_entries
 from services.layout.segmentation.enumerations import item_starts
 from services.layout.segmentation.fine_page import FinePage, compose_page
-from services.layout.segmentation.frame import Frame, analyse_print
+from services.layout.segmentation.frame import LevelledFrame, analyse_print
 from services.layout.segmentation.gathering import gather_scraps
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.inner_print import block_boxes, give_to_figures, lie_within
 from services.layout.segmentation.line_numbers import split_line_numbers
 from services.layout.segmentation.non_text import find_parts, without_dirt
@@ -124,7 +124,7 @@ class _Rows:
 
 
 def _join_entries(
-    rows: _Rows, levelled: Components, parameters: SegmentationParameters
+    rows: _Rows, levelled: InkComponents, parameters: SegmentationParameters
 ) -> tuple[_Rows, set[int]]:
     """Lines with entries of lists joined, and the indices of those, which begin zones."""
     pairs, entries = find_entries(rows.lines, rows.texts, parameters)
@@ -149,7 +149,10 @@ def _join_entries(
 
 
 def _read(
-    lines: Sequence[Line], words: Sequence[Word] | None, frame: Frame, parameters: SegmentationParameters
+    lines: Sequence[Line],
+    words: Sequence[Word] | None,
+    frame: LevelledFrame,
+    parameters: SegmentationParameters,
 ) -> tuple[ReadLines, list[list[Word]]]:
     """Text and confidence of every line, and its words from left to right."""
     seen = [word for word in words or () if any(map(str.isalnum, word.text))]
@@ -168,7 +171,7 @@ def _read(
     return ReadLines(texts, confidence), own
 
 
-def _union(components: Components, members: Indices, frame: Frame) -> Box:
+def _union(components: InkComponents, members: Indices, frame: LevelledFrame) -> Box:
     """Box of components in pixels of the page."""
     boxes = components.boxes[members]
     sx, sy = frame.scale

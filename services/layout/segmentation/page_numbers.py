@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from services.layout.segmentation.components import Indices
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, measure_line
 
 
 def split_page_numbers(
-    lines: Sequence[Line], components: Components, page_height: float, parameters: SegmentationParameters
+    lines: Sequence[Line], components: InkComponents, page_height: float, parameters: SegmentationParameters
 ) -> list[Line]:
     """`lines` with the numbers at either end of those near the page's upper and lower edge as lines of their own.
 
@@ -33,7 +33,7 @@ def split_page_numbers(
     return parts
 
 
-def _find_number(line: Line, components: Components, parameters: SegmentationParameters) -> Indices | None:
+def _find_number(line: Line, components: InkComponents, parameters: SegmentationParameters) -> Indices | None:
     """Components of the number at the right or left end of a line; None without."""
     members = line.members[np.argsort(components.boxes[line.members, 0], kind="stable")]
     boxes = components.boxes[members]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 
@@ -27,7 +27,7 @@ class ReadLines:
 def choose_text_lines(
     lines: Sequence[Line],
     read: ReadLines,
-    components: Components,
+    components: InkComponents,
     page_px: tuple[int, int],
     parameters: SegmentationParameters,
 ) -> NDArray[np.bool_]:
@@ -67,13 +67,13 @@ def choose_text_lines(
     return np.asarray(sure | long | short, dtype=np.bool_)
 
 
-def _is_dirty(lines: Sequence[Line], components: Components, is_long: NDArray[np.bool_]) -> bool:
+def _is_dirty(lines: Sequence[Line], components: InkComponents, is_long: NDArray[np.bool_]) -> bool:
     """Whether a page has enough loose ink that short lines without words are more often dirt than print."""
     in_lines = sum(len(line.members) for line, long in zip(lines, is_long, strict=True) if long)
     return len(components) - in_lines > 60 + 0.8 * in_lines
 
 
-def _may_be_glyph(line: Line, components: Components) -> bool:
+def _may_be_glyph(line: Line, components: InkComponents) -> bool:
     """Whether a single component may be a letter, a figure, or a word whose letters touch: no disc, no dash."""
     width, height = line.width, line.height
     fill = float(components.area[line.members[0]]) / (width * height)
@@ -81,7 +81,7 @@ def _may_be_glyph(line: Line, components: Components) -> bool:
     return 0.12 * height < width < 12 * height and (fill < 0.65 or slim)
 
 
-def _is_regular(line: Line, components: Components) -> bool:
+def _is_regular(line: Line, components: InkComponents) -> bool:
     """Whether the feet of a line's components are on its baseline, and none reaches far beyond it."""
     if len(line.members) == 1:
         return 0.3 * line.em < line.height < 1.7 * line.em
@@ -99,7 +99,7 @@ def _is_regular(line: Line, components: Components) -> bool:
 
 
 def _dirt(
-    lines: Sequence[Line], components: Components, is_line: NDArray[np.bool_], em: NDArray[np.float64]
+    lines: Sequence[Line], components: InkComponents, is_line: NDArray[np.bool_], em: NDArray[np.float64]
 ) -> Indices:
     """Components round every line (L,), within an em of it, that are neither its own nor a long line's."""
     centre = (components.boxes[:, :2] + components.boxes[:, 2:]) / 2

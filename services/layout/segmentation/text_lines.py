@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from services.layout.segmentation.components import Boxes, Indices, members_of, near_pairs
 from services.layout.segmentation.gutters import split_at_gutters
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.operators import find_operators, links_across
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.order_statistics import higher_quantile, mean, median, quantile
@@ -46,7 +46,7 @@ class Line:
         return self.box[3] - self.box[1]
 
 
-def find_lines(components: Components, glyphs: Indices, parameters: SegmentationParameters) -> list[Line]:
+def find_lines(components: InkComponents, glyphs: Indices, parameters: SegmentationParameters) -> list[Line]:
     """Candidate lines of the components `glyphs`, whose boxes are levelled; some may not be text."""
     if len(glyphs) == 0:
         return []
@@ -64,7 +64,7 @@ def find_lines(components: Components, glyphs: Indices, parameters: Segmentation
 
 
 def _join_fragments(
-    pieces: list[Indices], components: Components, parameters: SegmentationParameters
+    pieces: list[Indices], components: InkComponents, parameters: SegmentationParameters
 ) -> list[Line]:
     """Lines of `pieces`, short ones joined to a longer one that they lie in, end, or begin as a list's mark does."""
     lines = [measure_line(components, members, parameters) for members in pieces]
@@ -95,7 +95,7 @@ def _join_fragments(
     return [line for line, keep in zip(lines, kept, strict=True) if keep]
 
 
-def measure_line(components: Components, members: Indices, parameters: SegmentationParameters) -> Line:
+def measure_line(components: InkComponents, members: Indices, parameters: SegmentationParameters) -> Line:
     """A line of the components `members`: baseline, em from the height of capitals and ascenders, strokes."""
     if len(members) == 1:
         return _measure_glyph(components, members, parameters)
@@ -128,7 +128,7 @@ def measure_line(components: Components, members: Indices, parameters: Segmentat
     return Line(members, (x0, y0, x1, y1), baseline, em, small, stroke, slant)
 
 
-def _measure_glyph(components: Components, members: Indices, parameters: SegmentationParameters) -> Line:
+def _measure_glyph(components: InkComponents, members: Indices, parameters: SegmentationParameters) -> Line:
     """`measure_line` of one component; dirty pages have hundreds."""
     glyph = int(members[0])
     x0, y0, x1, y1 = components.boxes[glyph].tolist()
@@ -184,7 +184,7 @@ def _side_by_side(boxes: Boxes) -> tuple[Indices, Indices, NDArray[np.float64], 
     return i, j, x0[j] - x1[i], shared / np.maximum(np.minimum(height[i], height[j]), 1e-9)
 
 
-def _without_bridges(components: Components, glyphs: Indices) -> Indices:
+def _without_bridges(components: InkComponents, glyphs: Indices) -> Indices:
     """`glyphs` without components that join two lines: those have small neighbours at two levels."""
     boxes = components.boxes[glyphs]
     height = boxes[:, 3] - boxes[:, 1]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.notes import note_starts
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
@@ -18,7 +18,7 @@ from services.order_statistics import median
 def group_lines(
     lines: Sequence[Line],
     begins: set[int],
-    components: Components,
+    components: InkComponents,
     page_height: float,
     parameters: SegmentationParameters,
 ) -> list[list[int]]:
@@ -38,7 +38,7 @@ def group_lines(
 
 
 def _chains(
-    lines: Sequence[Line], components: Components, parameters: SegmentationParameters
+    lines: Sequence[Line], components: InkComponents, parameters: SegmentationParameters
 ) -> list[list[int]]:
     """Lines linked to the one next below where it is theirs alone, and set alike."""
     if not lines:
@@ -57,7 +57,7 @@ def _chains(
 
 
 def _next_below(
-    lines: Sequence[Line], components: Components, parameters: SegmentationParameters
+    lines: Sequence[Line], components: InkComponents, parameters: SegmentationParameters
 ) -> dict[int, int]:
     boxes: Boxes = np.array([line.box for line in lines])
     baseline = np.array([line.baseline for line in lines])
@@ -91,7 +91,7 @@ def _next_below(
     return {i: j for i, j in pairs.items() if i in alike}
 
 
-def _marks(lines: Sequence[Line], components: Components) -> NDArray[np.float64]:
+def _marks(lines: Sequence[Line], components: InkComponents) -> NDArray[np.float64]:
     """Height of the mark that begins every line (L,), a bullet or dash before its first letter; 0 without."""
     heights = np.zeros(len(lines))
     for index, line in enumerate(lines):

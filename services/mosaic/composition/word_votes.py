@@ -17,7 +17,7 @@ Labels = NDArray[np.int16]
 
 
 @dataclass(frozen=True, slots=True)
-class VoteParameters:
+class WordVoteParameters:
     """Lengths in text heights."""
 
     steps: tuple[tuple[float, float, float], ...] = (
@@ -71,7 +71,7 @@ def unite_ink(maps: Sequence[PatchMaps], rows: int, columns: int) -> GrayImage:
 
 def decide_cells(maps: Sequence[PatchMaps], ink: GrayImage, text_height: float) -> Labels:
     """The sharpest photo of each single cell; among equally sharp photos, the one whose border is farther away."""
-    p = VoteParameters()
+    p = WordVoteParameters()
     page = Rectangle(0, 0, ink.shape[1], ink.shape[0])
     labels = np.full(ink.shape, -1, np.int16)
     best = np.zeros(ink.shape, np.float32)
@@ -96,7 +96,7 @@ def decide_words(maps: Sequence[PatchMaps], ink: GrayImage, cells: Labels, text_
     A component that no photo shows completely is split by less dilation. So is a component of several words if the
     majority's photo does not show all of it. The remaining cells keep their own choice.
     """
-    p = VoteParameters()
+    p = WordVoteParameters()
     labels, whole = cells.copy(), np.zeros(ink.shape, bool)
     printed = np.asarray(ink > 0)
     todo = np.asarray(printed & ~_rules(printed, p.rule_length * text_height))

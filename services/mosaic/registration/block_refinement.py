@@ -20,7 +20,7 @@ from services.mosaic.registration.reduced_view import ReducedView
 
 
 @dataclass(frozen=True, slots=True)
-class RefinementParameters:
+class BlockRefinementParameters:
     """Pixels are those of the reference view, reduced for this step."""
 
     text_height_px: float = 18.0
@@ -41,7 +41,7 @@ def refine_matches(
     H_reference_other: Homography,
     points_reference: Points,
     displacements: Points,
-    p: RefinementParameters,
+    p: BlockRefinementParameters,
 ) -> tuple[Points, Points, Vector]:
     """Matched points (M, 2) of reference and other, and their correlations (M,); M <= N, in reduced pixels.
 

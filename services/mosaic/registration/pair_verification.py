@@ -15,7 +15,7 @@ from services.mosaic.registration.block_matching import (
     match_blocks,
     support_blocks,
 )
-from services.mosaic.registration.block_refinement import RefinementParameters, refine_matches
+from services.mosaic.registration.block_refinement import BlockRefinementParameters, refine_matches
 from services.mosaic.registration.features import Features, detect_features, turn_features
 from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
 from services.mosaic.registration.reduced_view import ReducedView
@@ -187,7 +187,7 @@ def refine_overlap(
 
     The coarser view is the reference, because only the finer one can be reduced to the resolution of the other.
     """
-    p, q = parameters or VerificationParameters(), RefinementParameters()
+    p, q = parameters or VerificationParameters(), BlockRefinementParameters()
     scale = local_scale(overlap.H_a_b, b.photo)
     text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
     factor = min(q.text_height_px / max(text, 1e-6), 1.0, 1 / scale)

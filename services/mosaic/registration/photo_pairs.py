@@ -146,7 +146,7 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class PairCandidate:
     """Two photos, b turned by `turns` quarters, their matches and the groups of compatible ones, surest first."""
 
     a: PreparedPhoto
@@ -164,7 +164,7 @@ class Candidate:
 
 def _vote(
     a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: RegistrationParameters
-) -> Candidate:
+) -> PairCandidate:
     if b.key < a.key:
         a, b, turns = b, a, -turns % 4
     features = a.features(fineness, 0), b.features(fineness, turns)
@@ -172,7 +172,7 @@ def _vote(
     expected = a.photo.text_height_px / max(b.photo.text_height_px, 1e-6)
     expected = float(np.clip(expected, 1 / p.largest_scale, p.largest_scale))
     groups = vote_displacements(matches, float(np.hypot(*a.photo.size)), expected_scale=expected)
-    return Candidate(a, b, turns, features, matches, groups)
+    return PairCandidate(a, b, turns, features, matches, groups)
 
 
 def _apart(
@@ -188,7 +188,7 @@ def _apart(
     return [] if number > 2 and is_hopeless else apart
 
 
-def _promise(candidate: Candidate) -> int:
+def _promise(candidate: PairCandidate) -> int:
     """Votes of the largest group."""
     return max(candidate.votes, default=0)
 
@@ -218,7 +218,7 @@ def _promising(
     return [pair for pair in apart if votes[pair] >= least][:most]
 
 
-def _is_clear(candidate: Candidate, p: RegistrationParameters) -> bool:
+def _is_clear(candidate: PairCandidate, p: RegistrationParameters) -> bool:
     """Whether one displacement has far more votes than any other."""
     most, next_most = (*candidate.votes, 0, 0)[:2]
     return most >= p.clear_lead * next_most
@@ -229,14 +229,16 @@ def _is_sure(pair: PairRegistration, heights_px: Mapping[int, float], p: Registr
     return pair.agreement >= p.sure_agreement and matched_extent(pair, heights_px)[1] >= p.lines
 
 
-def _are_apart(candidate: Candidate, sure: Pairs, order: Sequence[int], p: RegistrationParameters) -> bool:
+def _are_apart(
+    candidate: PairCandidate, sure: Pairs, order: Sequence[int], p: RegistrationParameters
+) -> bool:
     """Whether the two photos do not overlap, by the `sure` pairs between them."""
     a, b = candidate.a.photo, candidate.b.photo
     way = find_ways(sure, order, [a.index]).get((a.index, b.index))
     return way is not None and way[0] <= MOST_BETWEEN and overlap_fraction(a, b, way[1]) < p.least_overlap
 
 
-def _register(candidate: Candidate, p: RegistrationParameters) -> PairRegistration | None:
+def _register(candidate: PairCandidate, p: RegistrationParameters) -> PairRegistration | None:
     """Registration of the two photos; None: their overlap is not verified, or another place is as good."""
     a, b, turns = candidate.a, candidate.b, candidate.turns
     groups, matches, votes = candidate.groups, candidate.matches, candidate.votes

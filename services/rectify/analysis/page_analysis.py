@@ -23,7 +23,7 @@ from services.rectify.analysis.found_text import (
 from services.rectify.analysis.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 from services.texture_flow.field import FlowField, FlowSamples, move_field, resize_field
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
@@ -90,7 +90,7 @@ class PageAnalysis:
 
     def evidence(self, view: PhotoFrame) -> PageEvidence:
         """Observations that a shape is fitted to, in the centred unit coordinates of `view`."""
-        text = PageText(
+        text = TracedText(
             self.reduced,
             self.text.ink,
             self.text.area,

@@ -24,7 +24,7 @@ from services.rectify.shape_choice.text_check import is_level_in_view
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
-from services.sheet.plane.flat_photo import FlatPhoto
+from services.sheet.plane.flat_photo import PhotoAsPage
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.pose import level_plane
 from services.sheet.tracing.level_rows import shows_print
@@ -191,7 +191,7 @@ def sure_departure(departure: Departure, p: FlatParameters | None = None) -> flo
 def _is_print(
     photo: Halves,
     evidence: PageEvidence,
-    shape: FlatPhoto,
+    shape: PhotoAsPage,
     ground: Ground | None,
     p: FlatParameters,
 ) -> bool:
@@ -238,16 +238,16 @@ def _flat_photo(
     p: FlatParameters,
     *,
     is_document: bool,
-) -> FlatPhoto:
+) -> PhotoAsPage:
     """The photo turned by `skew_rad`, or by the nearest quarter turn where the difference is not visible."""
     off = _from_axis(skew_rad)
     turn = skew_rad if abs(off) > p.visible_turn_rad else skew_rad - off
     box = None if ground is None else ground.box
     if is_document:
         box = (0, 0, view.width - 1, view.height - 1)
-    return FlatPhoto(turn, float(np.exp(prior.log_focal)), box, lines, keeps_size=is_document)
+    return PhotoAsPage(turn, float(np.exp(prior.log_focal)), box, lines, keeps_size=is_document)
 
 
-def _paper(ground: Ground | None, shape: FlatPhoto) -> Ground | None:
+def _paper(ground: Ground | None, shape: PhotoAsPage) -> Ground | None:
     """The ground where slivers of it are to be left out: not on pages of documents."""
     return None if shape.keeps_size else ground

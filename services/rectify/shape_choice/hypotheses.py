@@ -11,7 +11,7 @@ from services.geometry.page_map import PageMap
 from services.rectify.shape_choice.textless import planar_page
 from services.sheet.curved_page import CurvedPage, estimate_curved_page, fit_flows, flow_deviation
 from services.sheet.developable.fitting import FittedSurface
-from services.sheet.developable.observations import NO_EDGES, LineObservations, SheetEdges
+from services.sheet.developable.observations import NO_EDGES, LineObservations, SideObservations
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import CERTAIN_CONFIDENCE, SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
@@ -50,7 +50,7 @@ class Hypotheses:
         return 0.5 * float(np.arctan2(flow.weights @ np.sin(double), flow.weights @ np.cos(double)))
 
     @cached_property
-    def edges(self) -> SheetEdges:
+    def edges(self) -> SideObservations:
         """The sides of the sheet, as far as they are seen."""
         return read_edges(self.outline, self.evidence.view, self.direction_rad)
 
@@ -121,7 +121,7 @@ class Hypotheses:
         """What the flows alone show: the start of every smooth sheet."""
         return fit_flows(self.evidence, self.prior)
 
-    def _fit_smooth(self, edges: SheetEdges) -> CurvedPage | None:
+    def _fit_smooth(self, edges: SideObservations) -> CurvedPage | None:
         found = estimate_curved_page(self.evidence, self.prior, edges, self.flat_fit)
         if isinstance(found, NoShape):
             self.refusal = found.reason

@@ -67,7 +67,7 @@ NO_LINES = LineObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0),
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SheetEdges:
+class SideObservations:
     """Points of the sheet's sides in centred coordinates.
 
     `points` (M, 2) lie on sides `index` (M,): 0 and 2 along the text lines, 1 and 3 across them; `deviations` (M,) are
@@ -85,7 +85,7 @@ class SheetEdges:
         return np.asarray(self.index % 2 == 1)
 
 
-NO_EDGES = SheetEdges(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0))
+NO_EDGES = SideObservations(np.zeros((0, 2)), np.zeros(0, np.intp), np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +102,6 @@ class PageObservations:
     hull: Points
     log_focal: float
     focal_deviation: float
-    edges: SheetEdges = NO_EDGES
+    edges: SideObservations = NO_EDGES
     principal_point: PrincipalPointPrior | None = None
     """None: the principal point is the origin."""

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.robust import cauchy, soft_l1
-from services.sheet.developable.observations import ObservationParameters, PageObservations, SheetEdges
+from services.sheet.developable.observations import ObservationParameters, PageObservations, SideObservations
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
 from services.sheet.developable.variation import GLOBAL, LOG_FOCAL, SKEW, SLOPES, TURN, vary_page
 from services.texture_flow.field import FlowSamples
@@ -109,7 +109,7 @@ class StraightEdges:
     and y across it, both from the side's mean, m = sum(w x y) / sum(w x x), and y - m x is left.
     """
 
-    def __init__(self, edges: SheetEdges, start: DevelopableSurface, p: FittingParameters) -> None:
+    def __init__(self, edges: SideObservations, start: DevelopableSurface, p: FittingParameters) -> None:
         self.index, self.upright = edges.index, edges.upright
         # Across a side, one unit of the photo is this many units of the page; fixed at the start.
         grow = np.ones(len(self.index))

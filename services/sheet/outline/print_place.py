@@ -12,7 +12,7 @@ from services.sheet.outline.reduced_photo import ReducedPhoto
 
 
 @dataclass(frozen=True, slots=True)
-class PrintParameters:
+class PrintPlaceParameters:
     """Which characters are accepted, and where the middle of the sheet is searched."""
 
     least_characters: int = 10
@@ -45,7 +45,7 @@ class PrintPlace:
 
 def place_print(reduced: ReducedPhoto, characters: Points | None) -> PrintPlace:
     """Place of the print; without print, an ellipse in the middle of the photo."""
-    p = PrintParameters()
+    p = PrintPlaceParameters()
     height, width = reduced.colors.shape[:2]
     if characters is None or len(characters) < p.least_characters:
         x0, y0, x1, y1 = reduced.window

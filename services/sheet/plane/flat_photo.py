@@ -20,7 +20,7 @@ from services.sheet.surfaces import PlaneSurface
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FlatPhoto:
+class PhotoAsPage:
     """The photo as the flat page, turned by `turn_rad` at most; see `PageShape`.
 
     `box` (left, top, right, bottom) is the part of the photo, in whole pixels, that the sheet fills; None where the

@@ -14,7 +14,7 @@ from services.geometry.planar import PagePlane
 from services.sheet.developable.observations import LineObservations
 from services.sheet.tracing.baselines import Baselines, CharacterRows, chain_characters, fit_baselines
 from services.sheet.tracing.line_tracing import trace_rows
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 
 FLAT_SCALE = 1.2
 """Resolution of the flat ink over that of the text: a mapping without this surplus would merge strokes."""
@@ -45,7 +45,7 @@ class FlatText:
         return trace_rows(self.rows, PlaneMap(self.H_centred_flat))
 
 
-def flatten_text(text: PageText, view: PhotoFrame, plane: PagePlane) -> FlatText:
+def flatten_text(text: TracedText, view: PhotoFrame, plane: PagePlane) -> FlatText:
     """The text in the flat view of `plane`, at about the resolution it was found in."""
     H_reduced_centred = text.H_reduced_centred(view)
     H_reduced_plane = H_reduced_centred @ plane.H_centred_plane

@@ -30,7 +30,7 @@ from services.sheet.tracing.baselines import (
     group_alike,
     group_paragraphs,
 )
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 
 STRAIGHT = 0.04
 """RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
@@ -112,7 +112,7 @@ def flatten_ink(
     return FlatInk(flat, scale, offset)
 
 
-def trace_by_characters(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+def trace_by_characters(text: TracedText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
     """The page's text lines, traced in the flat view of `page_map`, in centred coordinates of the photo."""
     characters, height = view.to_centred(text.characters), text.height_px / view.unit_px
     flat = flatten_ink(text.ink, text.H_reduced_centred(view), page_map, characters, height)

@@ -9,7 +9,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import LineObservations
 from services.sheet.tracing.line_tracing import trace_by_characters
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 from services.sheet.tracing.rule_tracing import trace_rules
 
@@ -26,13 +26,13 @@ class PageLinesParameters:
     """Every so many windows of a profile are one point: neighbours share their error."""
 
 
-def trace_lines(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+def trace_lines(text: TracedText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
     """The straight print in the flat view of `page_map`, in centred coordinates of the photo."""
     return with_rules(trace_by_characters(text, view, page_map), text, view, page_map)
 
 
 def with_rules(
-    lines: LineObservations, text: PageText, view: PhotoFrame, page_map: PageMap
+    lines: LineObservations, text: TracedText, view: PhotoFrame, page_map: PageMap
 ) -> LineObservations:
     """Text `lines`; where they are few, the rules after them, or lines by profiles where these are longer than both."""
     p = PageLinesParameters()

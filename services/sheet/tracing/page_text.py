@@ -15,7 +15,7 @@ CLOSING = 8.0
 
 
 @dataclass(frozen=True, eq=False)
-class PageText:
+class TracedText:
     """Text found in the reduced photo.
 
     `gray` (H, W) is the flat-fielded photo resized by `factor`, `ink` (H, W) the strokes of the text and `area` (H, W)

@@ -19,7 +19,7 @@ from services.imaging.node_grid import take_values
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
 from services.sheet.tracing.line_tracing import TracingParameters, sampling_maps
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 
 NO_RIDGE = -1
 """Before the first ridge of a line."""
@@ -217,7 +217,7 @@ def _members(tail: int, before: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.array(members[::-1], np.intp)
 
 
-def trace_by_profiles(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+def trace_by_profiles(text: TracedText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
     """The page's text lines, traced by profiles in the flat view of `page_map`, in centred coordinates."""
     characters, height = view.to_centred(text.characters), text.height_px / view.unit_px
     flat = flatten_darkness(

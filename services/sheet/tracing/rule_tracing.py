@@ -18,7 +18,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.imaging.node_grid import take_values
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.tracing.line_tracing import sampling_maps
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 from services.sheet.tracing.profile_tracing import ProfileParameters, Ridges, link_ridges
 
 
@@ -63,7 +63,7 @@ class FlatDarkness:
         return np.asarray((pixels + self.offset) / self.scale)
 
 
-def trace_rules(text: PageText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
+def trace_rules(text: TracedText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
     """The rules along the text's direction, in centred coordinates of the photo; each is a line of its own."""
     p = RuleParameters()
     characters, height = view.to_centred(text.characters), text.height_px / view.unit_px

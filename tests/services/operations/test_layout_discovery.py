@@ -3,7 +3,7 @@
 from typing import Any
 
 from services.contract.layout import LayoutSettings
-from services.contract.layout_models import StoredPage
+from services.contract.layout_models import PageDocument
 from services.layout.exchange.page_json import page_to_document
 from services.operations.layout_discovery import propose_classes
 from services.progress import progress_to
@@ -12,15 +12,15 @@ from tests.services.layout.samples import labelled_page
 SETTINGS = LayoutSettings()
 
 
-def stored(name: str, seed: int) -> StoredPage:
+def stored(name: str, seed: int) -> PageDocument:
     document: dict[str, Any] = page_to_document(labelled_page(name, seed))
-    return StoredPage(f"{name}{seed}", document)
+    return PageDocument(f"{name}{seed}", document)
 
 
 def test_pages_that_cannot_be_read_are_left_out() -> None:
     pages = [stored("fax", seed) for seed in range(3)]
-    empty = StoredPage("empty", {"width": 10, "height": 10, "zones": []})
-    damaged = StoredPage("damaged", {"width": -1})
+    empty = PageDocument("empty", {"width": 10, "height": 10, "zones": []})
+    damaged = PageDocument("damaged", {"width": -1})
     told = propose_classes(
         [damaged, *pages, empty], {"memo": [damaged, stored("memo", 0)], "none": [empty]}, SETTINGS
     )
@@ -32,7 +32,7 @@ def test_pages_that_cannot_be_read_are_left_out() -> None:
 
 def test_a_page_that_is_sent_again_is_no_second_one() -> None:
     first, second = (stored("fax", seed) for seed in range(2))
-    again = [StoredPage(f"again{copy}", first.document) for copy in range(3)]
+    again = [PageDocument(f"again{copy}", first.document) for copy in range(3)]
     told = propose_classes([first, *again, second], {}, SETTINGS)
     assert told["new_classes"] == []
     assert told["looked_at"]["unknown_pages"] == 2
@@ -42,7 +42,7 @@ def test_samples_with_a_found_page_are_seen_in_both_views() -> None:
     samples = []
     for seed in range(4):
         page = stored("memo", seed)
-        samples.append(StoredPage(page.id, {**page.document, "found": page.document}))
+        samples.append(PageDocument(page.id, {**page.document, "found": page.document}))
     halves = {"a": samples[:4], "b": [stored("memo", seed) for seed in range(4, 8)]}
     (merge,) = propose_classes([], halves, SETTINGS)["merges"]
     assert merge["models"] == ["a", "b"]

@@ -12,7 +12,7 @@ from services.layout.recognition.label_evidence import (
     MOST_AWAY,
     READ,
     UNREAD,
-    Evidence,
+    LabelEvidence,
     label_confidences,
     label_evidence,
     label_features,
@@ -38,11 +38,11 @@ def with_own_cost(cost: float) -> CostTables:
     return costs
 
 
-def evidence(costs: CostTables, samples: int = 5, kind: Evidence = READ) -> np.ndarray:
+def evidence(costs: CostTables, samples: int = 5, kind: LabelEvidence = READ) -> np.ndarray:
     return label_evidence(costs, LABELS, conditional_costs(costs, LABELS), samples, is_read=kind is READ)
 
 
-def features(costs: CostTables, samples: int = 5, kind: Evidence = READ) -> dict[str, np.ndarray]:
+def features(costs: CostTables, samples: int = 5, kind: LabelEvidence = READ) -> dict[str, np.ndarray]:
     found = label_features(costs, LABELS, conditional_costs(costs, LABELS), samples, kind)
     return dict(zip(EVIDENCE_FEATURES, found.T, strict=True))
 
@@ -60,7 +60,7 @@ def test_own_costs_are_those_of_zones_and_of_their_pairs() -> None:
 
 
 @pytest.mark.parametrize("kind", [READ, UNREAD])
-def test_evidence_is_the_weighted_sum_of_its_features(kind: Evidence) -> None:
+def test_evidence_is_the_weighted_sum_of_its_features(kind: LabelEvidence) -> None:
     found = features(tables(), kind=kind)
     wanted = sum(weight * found[name] for name, weight in zip(EVIDENCE_FEATURES, kind.weights, strict=True))
     assert evidence(tables(), kind=kind) == pytest.approx(wanted)
@@ -71,7 +71,7 @@ def test_evidence_is_the_weighted_sum_of_its_features(kind: Evidence) -> None:
 
 
 @pytest.mark.parametrize("kind", [READ, UNREAD])
-def test_a_zone_that_is_like_no_sample_has_less_evidence(kind: Evidence) -> None:
+def test_a_zone_that_is_like_no_sample_has_less_evidence(kind: LabelEvidence) -> None:
     """All labels cost more by the same: their probabilities stay, the zone is explained less well."""
     usual, strange = with_own_cost(-1.0), with_own_cost(1.0)
     difference = evidence(strange, kind=kind) - evidence(usual, kind=kind)
@@ -89,7 +89,7 @@ def test_more_samples_and_a_better_label_are_more_evidence() -> None:
 
 
 @pytest.mark.parametrize("kind", [READ, UNREAD])
-def test_evidence_is_bounded_where_costs_are_huge(kind: Evidence) -> None:
+def test_evidence_is_bounded_where_costs_are_huge(kind: LabelEvidence) -> None:
     costs = tables()
     huge = replace(costs, node=costs.node * 1e6, edge=costs.edge * 1e6)
     assert np.all(np.abs(evidence(huge, kind=kind)) < 12.0)

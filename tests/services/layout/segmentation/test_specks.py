@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.layout.segmentation.ink import Components
+from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_line_choice import _is_regular
 from services.layout.segmentation.text_lines import measure_line
@@ -11,12 +11,12 @@ from services.layout.segmentation.text_lines import measure_line
 PARAMETERS = SegmentationParameters()
 
 
-def alike(count: int, height: float, hang: float) -> Components:
+def alike(count: int, height: float, hang: float) -> InkComponents:
     """Components of one height side by side, at one level."""
     left = 40.0 + 13.0 * np.arange(count)
     boxes = np.column_stack([left, np.full(count, 100.0), left + 9, np.full(count, 100.0 + height)])
     full = np.full(count, 1.0)
-    return Components(
+    return InkComponents(
         boxes, 7 * height * full, 2.5 * full, hang * full, 0.1 * full, full > 2, np.zeros(count, np.intp)
     )
 

@@ -17,7 +17,7 @@ from services.sheet.developable.observations import (
     LineObservations,
     PageObservations,
     Run,
-    SheetEdges,
+    SideObservations,
 )
 from services.sheet.developable.residuals import surface_of
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
@@ -207,7 +207,7 @@ def observe(
     )
 
 
-def seen_edges(surface: DevelopableSurface, noise: float, rng: np.random.Generator) -> SheetEdges:
+def seen_edges(surface: DevelopableSurface, noise: float, rng: np.random.Generator) -> SideObservations:
     """Twelve points of each side of a sheet on which the print is askew by a degree."""
     c, s = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
     corners = np.array([[-0.47, -0.57], [0.47, -0.57], [0.47, 0.57], [-0.47, 0.57]]) @ np.array(
@@ -216,7 +216,7 @@ def seen_edges(surface: DevelopableSurface, noise: float, rng: np.random.Generat
     steps = np.linspace(0.02, 0.98, 12)[:, None]
     sides = [corners[k] + steps * (corners[(k + 1) % 4] - corners[k]) for k in range(4)]
     points = surface.to_photo(np.concatenate(sides))
-    return SheetEdges(
+    return SideObservations(
         points + rng.normal(0, noise, points.shape), np.repeat(np.arange(4), 12), np.full(48, 1e-3)
     )
 

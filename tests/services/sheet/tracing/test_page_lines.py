@@ -8,7 +8,7 @@ from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_LINES
 from services.sheet.tracing.page_lines import trace_lines, traced_length
-from services.sheet.tracing.page_text import PageText
+from services.sheet.tracing.page_text import TracedText
 from services.sheet.tracing.rule_tracing import trace_rules
 from tests.services.sheet.tracing.test_profile_tracing import words
 
@@ -32,11 +32,11 @@ def rules(places: Floats, sag_px: float = 0.0) -> Floats:
     return dark
 
 
-def page(darkness: Floats, positive: GrayImage | None = None) -> PageText:
+def page(darkness: Floats, positive: GrayImage | None = None) -> TracedText:
     """Text at the corners of a grid, so that the whole picture is looked at."""
     x, y = np.meshgrid(np.linspace(60, 640, 8), np.linspace(60, 440, 6))
     ink = darkness > 0.4
-    return PageText(
+    return TracedText(
         gray_of(darkness),
         ink,
         np.ones_like(ink),
