@@ -19,6 +19,9 @@ endif
 # HEIC=without leaves out what reads photos in HEIC: its wheel holds an encoder under the GPL (deploy/licences.md).
 HEIC ?= with
 
+# SECOND_READER=without leaves out what reads poor pages again: 115 MB, and up to 0.45 GB of a worker's memory.
+SECOND_READER ?= with
+
 # Languages that the service shall read besides English, by Tesseract's names: make serve LANGUAGES="fra deu"
 LANGUAGES ?=
 
@@ -38,7 +41,7 @@ ifneq ($(call works,$(BENCH_VENV)),yes)
 $(shell rm -f $(BENCH_VENV)/created-*)
 endif
 CREATED := $(VENV)/created-$(call digest,/dev/null)
-RUNTIME := $(VENV)/runtime-$(HEIC)-heic-$(call digest,requirements.lock)
+RUNTIME := $(VENV)/runtime-$(HEIC)-heic-$(SECOND_READER)-second-$(call digest,requirements.lock)
 DEVELOPMENT := $(VENV)/development-$(call digest,requirements-dev.lock)
 BENCH_CREATED := $(BENCH_VENV)/created-$(call digest,/dev/null)
 BENCH := $(BENCH_VENV)/peers-$(call digest,requirements-bench.lock)
@@ -227,6 +230,8 @@ $(RUNTIME): $(CREATED)
 	@rm -f $(VENV)/runtime-*
 	@$(BIN)/python $(PIP_INSTALL) -r requirements.lock
 	@[ '$(HEIC)' != without ] || $(BIN)/python -m pip uninstall --quiet --yes --disable-pip-version-check pillow-heif
+	@[ '$(SECOND_READER)' != without ] || $(BIN)/python -m pip uninstall --quiet --yes --disable-pip-version-check \
+		rapidocr onnxruntime
 	@touch $@
 
 $(DEVELOPMENT): $(CREATED)
@@ -249,9 +254,12 @@ data-folder:
 # Versions that are pinned stay where the .in files allow it; `make lock UPGRADE=--upgrade` moves them.
 COMPILE := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-header \
 	--no-emit-index-url --no-emit-find-links --generate-hashes $(UPGRADE)
+# Of rapidocr the models are used and none of its code: what only that needs is left out.
+WITHOUT := --no-emit-package=
+OF_RAPIDOCR := $(addprefix $(WITHOUT),colorlog omegaconf pyclipper shapely tqdm)
 lock: venv-dev
-	$(COMPILE) requirements.in --output-file requirements.lock
-	$(COMPILE) requirements-dev.in --constraints requirements.lock --output-file requirements-dev.lock
+	$(COMPILE) $(OF_RAPIDOCR) $(addprefix $(WITHOUT),colorama pyyaml six) requirements.in --output-file requirements.lock
+	$(COMPILE) $(OF_RAPIDOCR) requirements-dev.in --constraints requirements.lock --output-file requirements-dev.lock
 	$(COMPILE) requirements-bench.in --overrides requirements-bench.overrides \
 		--output-file requirements-bench.lock
 	@echo 'Now: make licences'

@@ -55,6 +55,8 @@ _OF_LIBRARY = {
     "libldap": "OLDAP-2.8",
     "libleptonica": "BSD-2-Clause",
     "liblzma": "0BSD",
+    "libonnxruntime": "MIT",
+    "libonnxruntime_providers_shared": "MIT",
     "libopenblasp": "BSD-3-Clause",
     "libopenjp2": "BSD-2-Clause",
     "libpdfium": "BSD-3-Clause AND Apache-2.0",
@@ -83,6 +85,7 @@ _OF_LIBRARY = {
 _OF_OLD_OPENSSL = "OpenSSL"
 """Of OpenSSL before version 3, which the file name tells."""
 _SPDX = {
+    "3-Clause BSD License": "BSD-3-Clause",
     "Apache 2.0": "Apache-2.0",
     "Apache Software License": "Apache-2.0",
     "BSD 3-Clause License": "BSD-3-Clause",

@@ -74,6 +74,23 @@ class BoundedReader(OcrEngine, Protocol):
         ...
 
 
+class SecondReader(Protocol):
+    """Reads pages that an engine reads poorly."""
+
+    def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
+        """See `BoundedReader`. Confidences mean what those of the assisted engine mean."""
+        ...
+
+
+@runtime_checkable
+class AssistedReader(OcrEngine, Protocol):
+    """An engine that a second reader assists."""
+
+    def second_reader(self) -> SecondReader | None:
+        """That reader, opened at the first call; None if there is none for what the engine reads."""
+        ...
+
+
 def mean_confidence(words: Sequence[Word]) -> float:
     """Mean confidence of the words' letters; 0 without words."""
     letters = sum(len(word.text) for word in words)

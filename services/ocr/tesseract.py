@@ -13,8 +13,9 @@ import numpy as np
 from services.arrays import GrayImage
 from services.deadline import time_left_s
 from services.ocr.cpu_limit import CpuTimeOver, can_limit, cpu_limit
-from services.ocr.engine import OcrEngine, ReadDirection, Word
+from services.ocr.engine import OcrEngine, ReadDirection, SecondReader, Word
 from services.ocr.languages import DEFAULT_LANGUAGE
+from services.ocr.network import LANGUAGES, open_network
 from services.ocr.reading_direction import order_letters
 
 _log = logging.getLogger(__name__)
@@ -169,6 +170,10 @@ class TesseractEngine:
         return ReadDirection(
             int(found["orient_deg"]) % 360, float(found["orient_conf"]), str(found["script_name"])
         )
+
+    def second_reader(self) -> SecondReader | None:
+        """See `AssistedReader`."""
+        return open_network() if LANGUAGES.issuperset(self._language.split("+")) else None
 
     def close(self) -> None:
         """Release the memory of the library."""

@@ -5,8 +5,12 @@ but a third of those at 0.3 to 0.6. Beta calibration (Kull, Silva Filho and Flac
 coefficients are learned by `python -m benchmarks text_confidence`.
 """
 
+import functools
 import math
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 LEAST, LARGEST = 0.01, 0.985
 """Confidences are bounded to this range, beyond which there were no words to learn from."""
@@ -19,6 +23,9 @@ class WordTrust:
     constant: float = -2.12
     of_confidence: float = 0.18
     of_doubt: float = 2.25
+
+
+_SHIPPED = WordTrust()
 
 
 def features_of(confidence: float) -> tuple[float, float, float]:
@@ -35,4 +42,13 @@ def probability_right(confidence: float, trust: WordTrust | None = None) -> floa
     return 1.0 / (1.0 + math.exp(-logit))
 
 
-_SHIPPED = WordTrust()
+def confidence_for(probability: float) -> float:
+    """The engine's confidence, 0-1, of a word that is right with this probability: words of another reader have it."""
+    return float(np.interp(probability, *_probabilities()))
+
+
+@functools.cache
+def _probabilities() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rising probabilities (N,) and their confidences (N,)."""
+    confidences = np.linspace(LEAST, LARGEST, 196)
+    return np.array([probability_right(each) for each in confidences]), confidences

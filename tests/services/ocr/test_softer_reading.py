@@ -1,4 +1,4 @@
-"""A page that reads poorly is read softer too, and the better reading counts: a scripted engine proves the logic."""
+"""A page that reads poorly is read again, by a second reader or softer, and the better reading counts."""
 
 from dataclasses import dataclass, field
 
@@ -75,3 +75,40 @@ def test_what_is_blank_or_was_cut_is_read_once() -> None:
     late = Reader([0.3], cut=True)
     words, cut = read_best(PAGE, late, 100.0)
     assert (len(words), cut, len(late.pages), len(blank.pages)) == (1, True, 1, 1)
+
+
+@dataclass
+class Assisted(Reader):
+    """Has a second reader, or what it reads has none."""
+
+    second: Reader | None = None
+
+    def second_reader(self) -> Reader | None:
+        return self.second
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "pages", "chosen"),
+    [(0.9, 0.95, 0, "page"), (0.82, 0.9, 1, "second"), (0.82, 0.7, 1, "page"), (0.0, 0.9, 1, "second")],
+)
+def test_a_second_reader_comes_in_place_of_softer_readings(
+    first: float, second: float, pages: int, chosen: str
+) -> None:
+    other = Reader([second], "second")
+    engine = Assisted([first], "page", second=other)
+    words, cut = read_best(PAGE, engine, 100.0)
+    assert (len(engine.pages), len(other.pages), cut) == (1, pages, False)
+    assert [word.confidence for word in words] == [second if chosen == "second" else first]
+    # Boxes are those of the page as it is.
+    assert words[0].box == BOX
+
+
+def test_without_a_second_reader_it_is_read_softer() -> None:
+    engine = Assisted([0.6, 0.95])
+    assert [word.text for word in read_best(PAGE, engine, 100.0)[0]] == ["reading2"]
+
+
+def test_what_was_cut_is_read_by_no_other() -> None:
+    other = Reader([0.9])
+    assert read_best(PAGE, Assisted([0.3], cut=True, second=other), 100.0)[1]
+    assert other.pages == []

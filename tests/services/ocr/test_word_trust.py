@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.rectify.text_confidence import learn, trusted
-from services.ocr.word_trust import WordTrust, probability_right
+from services.ocr.word_trust import LARGEST, LEAST, WordTrust, confidence_for, probability_right
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
@@ -20,6 +20,13 @@ def test_a_surer_word_is_more_probably_right(one: float, other: float) -> None:
 )
 def test_probabilities_are_those_that_were_measured(confidence: float, least: float, most: float) -> None:
     assert least < probability_right(confidence) < most
+
+
+@given(st.floats(LEAST, LARGEST))
+def test_a_probability_has_the_confidence_that_means_it(confidence: float) -> None:
+    assert confidence_for(probability_right(confidence)) == pytest.approx(confidence, abs=2e-3)
+    assert confidence_for(0.0) == LEAST
+    assert confidence_for(1.0) == LARGEST
 
 
 def test_the_coefficients_are_learned_from_words() -> None:
