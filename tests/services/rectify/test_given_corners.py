@@ -134,5 +134,5 @@ def test_the_photos_quality_does_not_depend_on_the_turn(flat: SimulatedPhoto) ->
         result = rectify(flat.image, RectifyParameters(upright=False, rotate=(rotate,)))
         quality = describe_quality(flat.image, result)
         assert quality is not None
-        found.append((quality["line_tilt_deg"], quality["predicted_character_error"]))
+        found.append((quality.line_tilt_deg, quality.predicted_character_error))
     np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0.1, atol=0.05)
