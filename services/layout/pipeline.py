@@ -229,7 +229,7 @@ def _join_pieces(
 
 def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
     """Words of a page; None without an engine."""
-    return None if engine is None else engine.read_page(readable(gray))
+    return None if engine is None else read_best(readable(gray), engine, float("inf"))[0]
 
 
 def readable(gray: GrayImage) -> GrayImage:

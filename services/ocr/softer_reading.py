@@ -39,15 +39,26 @@ def read_best(page: GrayImage, engine: OcrEngine, limit_s: float) -> tuple[list[
     black and white, until it reads. The reading with the most letters to be right counts.
     """
     begun_s = time.process_time()
-    best, cut = _read(page, engine, limit_s)
-    spent_s = time.process_time() - begun_s
-    if cut or mean_confidence(best) >= ASSISTED_BELOW:
-        return best, cut
+    words, cut = _read(page, engine, limit_s)
+    if cut:
+        return words, cut
+    return improved(page, engine, words, time.process_time() - begun_s, limit_s), False
+
+
+def improved(
+    page: GrayImage, engine: OcrEngine, words: list[Word], once_s: float = 0.0, limit_s: float = float("inf")
+) -> list[Word]:
+    """The `words` that the engine read on a page in `once_s` of `limit_s`, or those of a better reading.
+
+    See `read_best`.
+    """
+    if mean_confidence(words) >= ASSISTED_BELOW:
+        return words
     second = engine.second_reader() if isinstance(engine, AssistedReader) else None
     if second is None:
-        return _read_softer(page, engine, best, spent_s, limit_s), False
-    words, _ = second.read_page_within(page, limit_s - spent_s)
-    return max(best, words, key=_right_letters), False
+        return _read_softer(page, engine, words, once_s, limit_s)
+    others, _ = second.read_page_within(page, limit_s - once_s)
+    return max(words, others, key=_right_letters)
 
 
 def _read_softer(

@@ -7,6 +7,7 @@ from services.imaging.channels import luminance
 from services.layout.pipeline import read_words, readable
 from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word, mean_confidence
+from services.ocr.softer_reading import improved, read_best
 from services.rectify.results import Orientation
 from services.rectify.view.orientation import apply_orientation, estimate_orientation
 
@@ -43,11 +44,11 @@ def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
     words = engine.read_page(even)
     confidence = mean_confidence(words)
     if confidence >= READS_WELL and not _lies_sideways(words):
-        return UprightReading(image, words, Orientation(0, False, confidence))
+        return UprightReading(image, improved(even, engine, words), Orientation(0, False, confidence))
     found = estimate_orientation(even, engine)
     if found.rotation_deg == 0 and not found.mirrored:
-        return UprightReading(image, words, found)
-    words = engine.read_page(apply_orientation(even, found))
+        return UprightReading(image, improved(even, engine, words), found)
+    words, _ = read_best(apply_orientation(even, found), engine, float("inf"))
     return UprightReading(apply_orientation(image, found), words, found, (_turned(found),))
 
 
