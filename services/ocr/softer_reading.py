@@ -39,7 +39,7 @@ def read_best(page: GrayImage, engine: OcrEngine, limit_s: float) -> tuple[list[
     black and white, until it reads. The reading with the most letters to be right counts.
     """
     begun_s = time.process_time()
-    words, cut = _read(page, engine, limit_s)
+    words, cut = read_within(page, engine, limit_s)
     if cut:
         return words, cut
     return improved(page, engine, words, time.process_time() - begun_s, limit_s), False
@@ -72,12 +72,13 @@ def _read_softer(
         left_s = limit_s - (time.process_time() - begun_s)
         if not best or mean_confidence(best) >= least or longest_s > left_s:
             break
-        words, _ = _read(_softened(prepare(page)), engine, left_s)
+        words, _ = read_within(_softened(prepare(page)), engine, left_s)
         best = max(best, [replace(word, box=_reduced(word)) for word in words], key=_right_letters)
     return best
 
 
-def _read(page: GrayImage, engine: OcrEngine, limit_s: float) -> tuple[list[Word], bool]:
+def read_within(page: GrayImage, engine: OcrEngine, limit_s: float) -> tuple[list[Word], bool]:
+    """Words that the engine alone reads on a page in `limit_s`, and whether others were left unread."""
     if isinstance(engine, BoundedReader) and limit_s < float("inf"):
         return engine.read_page_within(page, limit_s)
     return engine.read_page(page), False

@@ -1,6 +1,7 @@
 """The text of a flat page: OCR on its flat-fielded picture, in the reading order of page segmentation."""
 
 import math
+from contextlib import AbstractContextManager
 from dataclasses import replace
 
 import numpy as np
@@ -99,8 +100,7 @@ def read_flat_page(
         (rows, columns, 2): the photo points of the page, as `RectifyResult.mesh`; None if there is no single photo.
     """
     height, width = image.shape[:2]
-    # On a very busy machine the request's own time comes to its end before; a text in part is more than a refusal.
-    with answered_within(SHARE_OF_TIME * time_left_s()):
+    with read_in_time():
         page, words, cut = segment_read_page(image, engine, LIMIT_S)
     # An engine's box may have no extent, or end outside of the picture.
     words = [word for word in words if word.box[2] > word.box[0] and word.box[3] > word.box[1]]
@@ -109,6 +109,14 @@ def read_flat_page(
     if mesh is None:
         return text
     return replace(text, places=locate_boxes(mesh, width, height, [word.box for word in text.words]))
+
+
+def read_in_time() -> AbstractContextManager[None]:
+    """Within the block reading ends before the time of the request does, as on a very busy machine.
+
+    A text in part is more than a refusal.
+    """
+    return answered_within(SHARE_OF_TIME * time_left_s())
 
 
 def _believable_regions(page: Page, words: list[Word]) -> list[Region]:

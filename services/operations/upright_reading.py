@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 from services.arrays import RgbImage
 from services.imaging.channels import luminance
-from services.layout.pipeline import read_words, readable
+from services.layout.pipeline import readable
 from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word, mean_confidence
-from services.ocr.softer_reading import improved, read_best
+from services.ocr.softer_reading import improved, read_best, read_within
+from services.operations.page_reading import LIMIT_S, READING_CUT, read_in_time
 from services.rectify.results import Orientation
 from services.rectify.view.orientation import apply_orientation, estimate_orientation
 
@@ -33,7 +34,11 @@ class UprightReading:
 
 def read_as_it_lies(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
     """The reading of an image that is upright."""
-    return UprightReading(image, read_words(luminance(image), engine))
+    if engine is None:
+        return UprightReading(image, None)
+    with read_in_time():
+        words, cut = read_best(readable(luminance(image)), engine, LIMIT_S)
+    return UprightReading(image, words, notices=_left_unread(cut))
 
 
 def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
@@ -41,15 +46,24 @@ def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
     if engine is None:
         return UprightReading(image, None)
     even = readable(luminance(image))
-    words = engine.read_page(even)
-    confidence = mean_confidence(words)
-    if confidence >= READS_WELL and not _lies_sideways(words):
-        return UprightReading(image, improved(even, engine, words), Orientation(0, False, confidence))
-    found = estimate_orientation(even, engine)
-    if found.rotation_deg == 0 and not found.mirrored:
-        return UprightReading(image, improved(even, engine, words), found)
-    words, _ = read_best(apply_orientation(even, found), engine, float("inf"))
-    return UprightReading(apply_orientation(image, found), words, found, (_turned(found),))
+    with read_in_time():
+        words, cut = read_within(even, engine, LIMIT_S)
+        confidence = mean_confidence(words)
+        if confidence >= READS_WELL and not _lies_sideways(words):
+            found = Orientation(0, False, confidence)
+        else:
+            found = estimate_orientation(even, engine)
+        if found.rotation_deg or found.mirrored:
+            words, cut = read_best(apply_orientation(even, found), engine, LIMIT_S)
+            image = apply_orientation(image, found)
+            return UprightReading(image, words, found, (_turned(found), *_left_unread(cut)))
+        if not cut:
+            words = improved(even, engine, words, limit_s=LIMIT_S)
+    return UprightReading(image, words, found, _left_unread(cut))
+
+
+def _left_unread(cut: bool) -> tuple[Notice, ...]:
+    return (READING_CUT,) if cut else ()
 
 
 def _lies_sideways(words: list[Word]) -> bool:

@@ -1,5 +1,6 @@
 """An image that does not read as it lies is turned, and the answer says so: a scripted engine proves the logic."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 
 from services.arrays import GrayImage, RgbImage
 from services.ocr.engine import Word
-from services.operations.upright_reading import read_as_it_lies, read_upright
+from services.operations.page_reading import LIMIT_S, READING_CUT
+from services.operations.upright_reading import UprightReading, read_as_it_lies, read_upright
 from services.rectify.results import Orientation
 from tests.services.rectify.view.test_orientation import FlagReader, laid, page_of_flags
 
@@ -66,6 +68,22 @@ def test_an_upright_page_of_an_unknown_language_stays() -> None:
     found = read_upright(lying(0), engine)
     np.testing.assert_array_equal(found.image, lying(0))
     assert (len(engine.pages), found.notices) == (2, ()), "it is read softer, but not turned"
+
+
+class CutReader(PageReader):
+    """It has read one word when the time is over."""
+
+    def read_page_within(self, image: GrayImage, seconds: float) -> tuple[list[Word], bool]:
+        assert seconds == LIMIT_S
+        return self.read_page(image), True
+
+
+@pytest.mark.parametrize("read", [read_upright, read_as_it_lies])
+def test_a_page_that_is_not_read_to_its_end_says_so(read: Callable[..., UprightReading]) -> None:
+    engine = CutReader(confidence=0.9)
+    found = read(lying(0), engine)
+    assert [word.text for word in found.words or ()] == ["words"]
+    assert (found.notices, len(engine.pages)) == ((READING_CUT,), 1)
 
 
 def test_without_an_engine_nothing_is_known() -> None:
