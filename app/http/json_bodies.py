@@ -102,9 +102,8 @@ def _told(error: ValidationError, model: type[BaseModel]) -> InvalidOption:
     """Error of the first problem in the body; a name that does not exist comes before one that is missing."""
     problems = error.errors(include_url=False, include_context=False)
     first = next((each for each in problems if each["type"] == "extra_forbidden"), problems[0])
-    place = list(first["loc"])
-    while len(place) > 1 and _KIND.fullmatch(str(place[-1])):  # which of several types was tried is no place
-        place.pop()
+    # Which of several types was tried is no place.
+    place = [part for index, part in enumerate(first["loc"]) if not index or not _KIND.fullmatch(str(part))]
     field = ".".join(map(str, place))[:_LONGEST_FIELD] or "body"
     if first["type"] == "extra_forbidden":
         names = _names_of(model, is_nested=len(first["loc"]) > 1)

@@ -59,9 +59,9 @@ async def layout_result_image(
     kept = await state.store.call(lambda store: store.result(id))
     described = kept.document.get("result", {}).get("image")
     if described is None:
-        of_pages = " Its pages have results of their own." if kept.pages else ""
+        of_pages = ". Its pages have results of their own" if kept.pages else ""
         raise ResultNotFound(
-            f"there is no picture of result {id!r}; send the page to /layout with keep_image=true.{of_pages}",
+            f"there is no picture of result {id!r}; send the page to /layout with keep_image=true{of_pages}",
             id,
         )
     picture = await state.images.picture(id, described["bytes"])

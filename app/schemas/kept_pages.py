@@ -25,6 +25,15 @@ def _turn(value: object) -> object:
     return int(entry)
 
 
+def _corners(value: object) -> object:
+    """`auto`, or four points."""
+    if isinstance(value, str):
+        if value.strip().lower() != "auto":
+            raise ValueError("expected [[x, y], ...] of the four corners, or auto")
+        return "auto"
+    return value
+
+
 class Picture(BaseModel):
     """How a picture is sent."""
 
@@ -40,7 +49,13 @@ class Picture(BaseModel):
 class RenderRequest(Picture):
     """What a person says about a kept page; what is absent stays as it is."""
 
-    corners: Annotated[list[Point], Field(min_length=4, max_length=4)] | Literal["auto"] | None = Field(
+    corners: (
+        Annotated[
+            Annotated[list[Point], Field(min_length=4, max_length=4)] | Literal["auto"],
+            BeforeValidator(_corners),
+        ]
+        | None
+    ) = Field(
         default=None,
         description="The sheet's corners in the photo, clockwise from the page's top left; auto: find "
         "them again. The page is analysed again.",

@@ -127,8 +127,8 @@ def turn_against_photo(mesh: Floats) -> float:
     down = (mesh[-1] - mesh[0]).mean(axis=0) / (mesh.shape[0] - 1)
     if along[0] * down[1] - along[1] * down[0] < 0:
         along, down = along * [-1, 1], down * [-1, 1]
-    # The rotation that is nearest to both axes of the view in the photo.
-    along, down = along / np.linalg.norm(along), down / np.linalg.norm(down)
+    # The rotation that is nearest to both axes of the view in the photo; of a view one pixel wide, to the other one.
+    along, down = (axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in (along, down))
     turned = np.arctan2(along[1] - down[0], along[0] + down[1])
     return float(np.degrees(-turned) % 360)
 

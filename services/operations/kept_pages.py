@@ -33,7 +33,7 @@ from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.held_corners import with_margin
 from services.rectify.view.view_plan import PlannedView, unpack_plan
 
-TURNED_SINCE = " The page was turned by a quarter since then."
+TURNED_SINCE = " It was turned by a quarter after that."
 """About the reason of its size, which speaks of the page as it was found."""
 OWN = ImageLimits(max_megapixels=1000.0)
 """Of pictures that this service has made: views may be larger than the photos of a request."""

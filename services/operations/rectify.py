@@ -222,6 +222,9 @@ def _document(
     answer.camera.name = parameters.camera
     answer.camera.page_focal_length_px = rounded(seen and seen[0], 2)
     answer.camera.page_focal_deviation = rounded(seen and seen[1])
+    # A reduced view shows the turn less well.
+    turn = turn_against_photo(in_pixels_of_file(result, photo.stretch).mesh)
+    answer.orientation = describe_orientation(result.orientation, turn)
     answer.page = answers.PageSize(**asdict(replace(page, dpi=rounded(dpi, 1))))
     answer.quality = quality
     answer.timings_ms = describe_timings(result.timings_ms)

@@ -110,7 +110,7 @@ def test_corners_that_were_given_can_be_taken_back(client: httpx.Client) -> None
     path = keep(client)
     found = render(client, path, format="json").json()
     given = render(client, path, corners=[[10, 5], [70, 8], [68, 50], [12, 55]], format="json").json()
-    again = render(client, path, corners="auto", format="json").json()
+    again = render(client, path, corners="Auto", format="json").json()
     assert given["corners"] != found["corners"] == again["corners"]
     assert again["mesh"] == found["mesh"]
 
@@ -120,6 +120,8 @@ def test_corners_that_were_given_can_be_taken_back(client: httpx.Client) -> None
     [
         ({"corners": [[10, 5], [70, 8], [68, 50]]}, "corners"),
         ({"corners": [[10, 5], [68, 50], [70, 8], [12, 55]]}, "corners"),
+        ({"corners": "here"}, "corners"),
+        ({"corners": [["a", 1], [70, 8], [68, 50], [12, 55]]}, "corners.0.0"),
         ({"rotate": 45}, "rotate"),
         ({"margin": 21}, "margin"),
         ({"illumination": "sepia"}, "illumination"),

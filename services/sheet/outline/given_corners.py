@@ -28,8 +28,8 @@ class GivenCornersParameters:
     """Places along a side at which its edge is sought."""
     most_bow: float = 0.12
     """Of a side, to either side of the chord: sides of an opened book bow by up to 0.09."""
-    steepest: float = 0.5
-    """Of a side against its chord, as a slope: a fold in thirds has up to 0.3, the near end of a bent sheet that is seen
+    steepest: float = 0.42
+    """Of a side against its chord, as a slope: a fold in thirds has up to 0.3, the near end of a bent sheet seen
     obliquely 0.4."""
     straight_bow: float = 0.006
     """A side within it counts as straight: a corner that a person sets is a few pixels off."""
