@@ -9,7 +9,7 @@ from app.engine.base import TimeLimit
 from app.http.representations import SNIFFED_BYTES, may_have_pages
 from app.settings import Settings
 from services.contract.images import DocumentLimits
-from services.errors import TooLarge
+from services.errors import TooLarge, UnsupportedMediaType
 
 
 async def document_time_limit(images: Sequence[UploadFile], settings: Settings) -> TimeLimit | None:
@@ -30,13 +30,14 @@ async def check_photos(images: Sequence[UploadFile], settings: Settings) -> None
 
     Raises
     ------
-    TooLarge
+    TooLarge, UnsupportedMediaType
     """
     if len(images) > settings.max_pages:
         raise TooLarge(
             f"image: a document may have {settings.max_pages} pages (MAX_PAGES); {len(images)} images were sent.",
             "image",
         )
+    check_not_empty(images)
     for index, image in enumerate(images):
         size = image.size or 0
         if size > settings.max_upload_bytes and not await _may_have_pages(image):
@@ -45,6 +46,17 @@ async def check_photos(images: Sequence[UploadFile], settings: Settings) -> None
                 f"{field}: the photo has {size} bytes; the limit is {settings.max_upload_bytes} (MAX_UPLOAD_BYTES).",
                 field,
             )
+
+
+def check_not_empty(images: Sequence[UploadFile]) -> None:
+    """Check that there is something in the uploads, before a job is made of them; of several pages one may be empty.
+
+    Raises
+    ------
+    UnsupportedMediaType
+    """
+    if images and not any(image.size for image in images):
+        raise UnsupportedMediaType("The uploaded file is empty.", "image")
 
 
 async def _may_have_pages(image: UploadFile) -> bool:

@@ -20,7 +20,7 @@ from app.http.representations import (
 from app.learning.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.review.decisions import tolerated_errors_of
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
-from app.routes.document_uploads import document_time_limit
+from app.routes.document_uploads import check_not_empty, document_time_limit
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.schemas.layout import LayoutForm, parse_names, stored_form
@@ -124,6 +124,7 @@ async def layout(
     check_parts(form, settings.max_pages)
     chosen = choose_described_format(form.format, request.headers.get("accept"), MEDIA_TYPES)
     images = form.image or []
+    check_not_empty(images)
     language = chosen_language(form.language, settings)
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)

@@ -342,3 +342,9 @@ def test_the_service_stops_when_its_jobs_have_ended(tmp_path: Path) -> None:
 def test_the_preference_among_others(values: list[str], expected: bool) -> None:
     headers = Headers(raw=[(b"prefer", value.encode()) for value in values])
     assert prefers_async(headers) is expected
+
+
+@pytest.mark.parametrize("path", ["/rectify", "/layout"])
+def test_an_empty_upload_is_refused_at_once(client: httpx.Client, path: str) -> None:
+    response = client.post(path, files={"image": ("page.jpg", b"")}, headers=LATER)
+    assert assert_problem(response, 415, "unsupported-media-type")["field"] == "image"
