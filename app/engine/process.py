@@ -59,8 +59,8 @@ class WorkerProcess:
     ) -> inside.Outcome:
         """Outcome of `operation(*arguments)`; empties `arguments`.
 
-        Uploads are large, so the server's copy is deleted once the worker has it. The operation is told that it has
-        `limit_s`; the caller must see to it. `listen` receives the progress, in the calling thread.
+        Uploads are large, so the server's copy is deleted once the worker has it. The operation can ask how much of
+        `limit_s` is left; the caller stops it after that time. `listen` receives the progress, in the calling thread.
         """
         call = pickle.dumps(
             (operation, tuple(arguments), limit_s, listen is not None), protocol=pickle.HIGHEST_PROTOCOL

@@ -9,9 +9,10 @@ from services.contract.fields import FieldSetting
 from services.layout.exchange.page_json import plain_number
 from services.layout.graph.font_sizes import measure_font_classes
 from services.layout.model.cost import MOST_EXPLAINED
-from services.layout.page import Appearance, Box, Page, ReadWord, Zone
+from services.layout.page import Appearance, Page, ReadWord, Zone
 from services.layout.recognition.fields import NO_FIELDS, Field, gather_fields
 from services.layout.recognition.results import ClassMatch, MatchReport, Recognition
+from services.operations.page_reading import rounded_box
 from services.operations.replies import rounded
 
 
@@ -62,7 +63,7 @@ def describe_zones(
     return [
         answers.LabelledZone(
             id=zone.id,
-            box=_rounded_box(zone.box),
+            box=rounded_box(zone.box),
             label=label,
             confidence=round(confidence, 4),
             group=group,
@@ -110,13 +111,8 @@ def _describe_appearance(appearance: Appearance | None) -> answers.Appearance | 
 
 def _describe_word(word: ReadWord) -> answers.ReadWord:
     return answers.ReadWord(
-        text=word.text, box=_rounded_box(word.box), confidence=round(word.confidence, 4), line=word.line
+        text=word.text, box=rounded_box(word.box), confidence=round(word.confidence, 4), line=word.line
     )
-
-
-def _rounded_box(box: Box) -> Box:
-    x0, y0, x1, y1 = box
-    return round(x0, 2), round(y0, 2), round(x1, 2), round(y1, 2)
 
 
 def describe_classes(classes: Sequence[ClassMatch]) -> list[DocumentClass]:

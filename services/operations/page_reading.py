@@ -149,7 +149,7 @@ def describe_text(text: PageText) -> ReadText:
             PageWord(
                 text=word.text,
                 confidence=round(probability_right(word.confidence), 4),
-                box=_rounded_box(word.box),
+                box=rounded_box(word.box),
                 photo=place,
                 line=line,
             )
@@ -158,7 +158,8 @@ def describe_text(text: PageText) -> ReadText:
     )
 
 
-def _rounded_box(box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+def rounded_box(box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """The box with hundredths of a pixel."""
     x0, y0, x1, y1 = box
     return round(x0, 2), round(y0, 2), round(x1, 2), round(y1, 2)
 

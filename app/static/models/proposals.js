@@ -29,7 +29,7 @@ function newClass(group, label) {
 
 function mergeItem(merge, place, onChange) {
   const [kept, gone] = merge.models;
-  const text = `${kept} and ${gone} cannot be told apart: they agree on ${percent(merge.agreement)} of the zones.`;
+  const text = `${kept} and ${gone} look like one class: they agree on ${percent(merge.agreement)} of the zones.`;
   const carryOut = async () => {
     if (!(await confirmed("Merge", `All samples of ${gone} go to ${kept}, which is made anew; ${gone} is deleted.`, "Merge"))) return;
     // `labels` maps labels of the first model to those of the second, and the samples go the other way
