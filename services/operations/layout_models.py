@@ -52,9 +52,7 @@ def measure_sample_file(image: bytes | None, zones_file: bytes, settings: Layout
     """The same for zones in a file of PAGE-XML, ALTO or JSON. Raises as `measure_sample`."""
     picture = None if image is None else decode_image(image, settings.document.image).pixels
     page, notices = read_file(zones_file, picture, settings)
-    return MeasuredSample(
-        _measured(page, picture, settings), [each.model_dump() for each in describe_warnings(notices)]
-    )
+    return MeasuredSample(_measured(page, picture, settings), describe_warnings(notices))
 
 
 def _measured(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:
