@@ -40,6 +40,7 @@ from services.contract.answers.learning import FeedbackReport, FoundAndVerified
 from services.contract.answers.page import Warning
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, Correction, VerifiedPage
+from services.contract.page_json import PageJson
 from services.errors import InvalidOption
 
 MOST_TRIES = 32
@@ -197,7 +198,7 @@ def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[War
 def _read_models(
     store: Store,
     result_id: str,
-    verified: VerifiedPage[dict[str, Any]],
+    verified: VerifiedPage[PageJson],
     undone: Mapping[str, ModelUndo],
     *,
     may_be_new: bool,

@@ -2,7 +2,7 @@
 
 from functools import partial
 from itertools import islice
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -22,6 +22,7 @@ from models.errors import UnknownPageNotFound
 from models.records import UnknownPage as StoredUnknownPage
 from models.repository import Store
 from services.contract.layout_models import MOST_COMPARED_SAMPLES, PageDocument
+from services.contract.page_json import SampleJson
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout", tags=["layout proposals"])
@@ -147,13 +148,15 @@ def _own_page(store: Store, page_id: str, caller: Caller) -> StoredUnknownPage:
 def _read_all(store: Store, caller: Caller) -> tuple[list[PageDocument], dict[str, list[PageDocument]]]:
     """The caller's unknown pages, newest first, and samples of every model."""
     pages = [page for page in store.each_unknown_page() if caller.sees(page.owner)]
-    unknown = [PageDocument(page.id, page.page) for page in pages[::-1]]
+    unknown = [PageDocument(page.id, cast(SampleJson, page.page)) for page in pages[::-1]]
     names = [model.name for model in store.models() if model.samples]
     each = max(LEAST_SAMPLES, min(MOST_COMPARED_SAMPLES, MOST_SAMPLES_TOGETHER // max(1, len(names))))
     classes = {}
     for name in names[: MOST_SAMPLES_TOGETHER // LEAST_SAMPLES]:
         newest = islice(store.each_sample(name, newest_first=True), each)
-        classes[name] = [PageDocument(sample.id, sample.document) for sample in newest][::-1]
+        classes[name] = [PageDocument(sample.id, cast(SampleJson, sample.document)) for sample in newest][
+            ::-1
+        ]
     return unknown, classes
 
 

@@ -10,6 +10,7 @@ from services.contract.kept_pages import RenderedPage
 from services.contract.layout import DocumentReply, LayoutReply, RenderedResults
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft
+from services.contract.page_json import SampleJson
 
 T = TypeVar("T")
 
@@ -42,16 +43,12 @@ class Operations:
     )
     resize_kept_picture: Operation[bytes] = Operation("services.operations.kept_picture:resize_kept_picture")
     render_results: Operation[RenderedResults] = Operation("services.operations.layout_files:render_results")
-    measure_sample: Operation[dict[str, object]] = Operation(
-        "services.operations.layout_models:measure_sample"
-    )
+    measure_sample: Operation[SampleJson] = Operation("services.operations.layout_models:measure_sample")
     measure_sample_file: Operation[MeasuredSample] = Operation(
         "services.operations.layout_models:measure_sample_file"
     )
-    remeasure_sample: Operation[dict[str, object]] = Operation(
-        "services.operations.layout_models:remeasure_sample"
-    )
-    import_sample: Operation[dict[str, object]] = Operation("services.operations.layout_models:import_sample")
+    remeasure_sample: Operation[SampleJson] = Operation("services.operations.layout_models:remeasure_sample")
+    import_sample: Operation[SampleJson] = Operation("services.operations.layout_models:import_sample")
     initialize_model: Operation[ModelDraft] = Operation(
         "services.operations.layout_models:initialize_from_samples"
     )

@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic import ValidationError
 
@@ -42,6 +42,7 @@ from services.contract.layout_learning import (
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft, PageDocument
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
+from services.contract.page_json import PageJson, SampleJson
 from services.contract.rectify import RectifyParameters
 from tests.app.scripted_results import CREASED_SHEET, layout_document, mosaic_document
 from tests.app.scripted_results import document as rectified_document
@@ -395,7 +396,8 @@ def adapt_models(
         for model in models
     ]
     zones = [{**zone, "label": verified[str(zone["id"])]} for zone in task.page["zones"]]
-    return Adaptation(documents, wrong, costs, {**task.page, "zones": zones}, len(zones))
+    sample = cast(SampleJson, {**task.page, "zones": zones})
+    return Adaptation(documents, wrong, costs, sample, len(zones))
 
 
 def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
@@ -404,7 +406,7 @@ def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: Lay
     measured = layout_document({**page, "zones": named}, [], [], {})["zones"]
     assert isinstance(measured, list)
     shown = [{**each, "label": zone["label"]} for each, zone in zip(measured, named, strict=True)]
-    return RevisedPage({**page, "zones": named}, shown, [])
+    return RevisedPage(cast(PageJson, {**page, "zones": named}), shown, [])
 
 
 def correct_result(

@@ -1,9 +1,10 @@
 """Proposals as a worker makes them of documents: what cannot be read is left out."""
 
-from typing import Any
+from typing import Any, cast
 
 from services.contract.layout import LayoutSettings
 from services.contract.layout_models import PageDocument
+from services.contract.page_json import SampleJson
 from services.layout.exchange.page_json import page_to_document
 from services.operations.layout_discovery import propose_classes
 from services.progress import progress_to
@@ -13,14 +14,14 @@ SETTINGS = LayoutSettings()
 
 
 def stored(name: str, seed: int) -> PageDocument:
-    document: dict[str, Any] = page_to_document(labelled_page(name, seed))
-    return PageDocument(f"{name}{seed}", document)
+    return PageDocument(f"{name}{seed}", cast(SampleJson, page_to_document(labelled_page(name, seed))))
 
 
 def test_pages_that_cannot_be_read_are_left_out() -> None:
     pages = [stored("fax", seed) for seed in range(3)]
     empty = PageDocument("empty", {"width": 10, "height": 10, "zones": []})
-    damaged = PageDocument("damaged", {"width": -1})
+    broken: Any = {"width": -1}
+    damaged = PageDocument("damaged", broken)
     told = propose_classes(
         [damaged, *pages, empty], {"memo": [damaged, stored("memo", 0)], "none": [empty]}, SETTINGS
     )
