@@ -19,7 +19,7 @@ from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList
 from app.schemas.options import CallbackUrl
 from app.state import State
 from models.errors import UnknownPageNotFound
-from models.records import UnknownPage as StoredUnknownPage
+from models.records import StoredUnknownPage
 from models.repository import Store
 from services.contract.layout_models import MOST_COMPARED_SAMPLES, PageDocument
 from services.contract.page_json import SampleJson
