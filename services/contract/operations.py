@@ -5,6 +5,7 @@
 from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar
 
+from services.contract.answers.proposals import Proposals
 from services.contract.images import PageReply
 from services.contract.kept_pages import RenderedPage
 from services.contract.layout import DocumentReply, LayoutReply, RenderedResults
@@ -63,9 +64,7 @@ class Operations:
         "services.operations.layout_learning:train_model"
     )
     compare_models: Operation[ModelDifference] = Operation("services.operations.layout_diff:compare_models")
-    propose_classes: Operation[dict[str, Any]] = Operation(
-        "services.operations.layout_discovery:propose_classes"
-    )
+    propose_classes: Operation[Proposals] = Operation("services.operations.layout_discovery:propose_classes")
     warm_up: Operation[dict[str, object]] = Operation("services.operations.warming:warm_up")
 
     @property

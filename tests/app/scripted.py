@@ -15,6 +15,7 @@ from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.answers.learning import Change, CostChange, LabellingCosts, Round, WrongLabel
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.page import FlatPage, Warning
+from services.contract.answers.proposals import Proposals
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, FailedPlace, PageReply
 from services.contract.kept_pages import KeptPage as KeptPhoto
@@ -449,7 +450,7 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
 
 def propose_classes(
     unknown: list[PageDocument], classes: dict[str, list[PageDocument]], settings: LayoutSettings
-) -> dict[str, object]:
+) -> Proposals:
     """All unknown pages are a class, the first two models are one, and the first one is two."""
     names, ids = list(classes), [page.id for page in unknown]
     new = {"pages": ids, "typical": ids[0], "cohesion": 0.5, "recurring_zones": []} if ids else None
@@ -457,16 +458,17 @@ def propose_classes(
     samples = [page.id for page in classes[names[0]]] if names else []
     part = {"samples": samples, "typical": samples[0] if samples else ""}
     split = {"model": names[0], "parts": [part, part], "gain": 0.1, "better": 0.9} if names else None
-    return {
-        "new_classes": [new] if new else [],
-        "merges": [merge] if len(names) > 1 else [],
-        "splits": [split] if split else [],
+    proposals = {
+        "new_classes": [{**new, "next": []}] if new else [],
+        "merges": [{**merge, "next": []}] if len(names) > 1 else [],
+        "splits": [{**split, "next": []}] if split else [],
         "looked_at": {
             "unknown_pages": len(ids),
             "models": len(names),
             "samples": sum(map(len, classes.values())),
         },
     }
+    return Proposals.model_validate(proposals)
 
 
 def _labels(document: bytes) -> list[str]:

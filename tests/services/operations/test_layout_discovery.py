@@ -2,6 +2,7 @@
 
 from typing import Any, cast
 
+from services.contract.answers.proposals import LookedAt
 from services.contract.layout import LayoutSettings
 from services.contract.layout_models import PageDocument
 from services.contract.page_json import SampleJson
@@ -25,18 +26,18 @@ def test_pages_that_cannot_be_read_are_left_out() -> None:
     told = propose_classes(
         [damaged, *pages, empty], {"memo": [damaged, stored("memo", 0)], "none": [empty]}, SETTINGS
     )
-    (group,) = told["new_classes"]
-    assert group["pages"] == ["fax0", "fax1", "fax2"]
-    assert told["looked_at"] == {"unknown_pages": 3, "models": 1, "samples": 1}
-    assert told["merges"] == told["splits"] == []
+    (group,) = told.new_classes
+    assert group.pages == ["fax0", "fax1", "fax2"]
+    assert told.looked_at == LookedAt(unknown_pages=3, models=1, samples=1)
+    assert told.merges == told.splits == []
 
 
 def test_a_page_that_is_sent_again_is_no_second_one() -> None:
     first, second = (stored("fax", seed) for seed in range(2))
     again = [PageDocument(f"again{copy}", first.document) for copy in range(3)]
     told = propose_classes([first, *again, second], {}, SETTINGS)
-    assert told["new_classes"] == []
-    assert told["looked_at"]["unknown_pages"] == 2
+    assert told.new_classes == []
+    assert told.looked_at.unknown_pages == 2
 
 
 def test_samples_with_a_found_page_are_seen_in_both_views() -> None:
@@ -45,9 +46,9 @@ def test_samples_with_a_found_page_are_seen_in_both_views() -> None:
         page = stored("memo", seed)
         samples.append(PageDocument(page.id, {**page.document, "found": page.document}))
     halves = {"a": samples[:4], "b": [stored("memo", seed) for seed in range(4, 8)]}
-    (merge,) = propose_classes([], halves, SETTINGS)["merges"]
-    assert merge["models"] == ["a", "b"]
-    assert merge["fit"] >= 0.7
+    (merge,) = propose_classes([], halves, SETTINGS).merges
+    assert merge.models == ["a", "b"]
+    assert merge.fit >= 0.7
 
 
 def test_progress_rises() -> None:
