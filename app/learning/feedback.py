@@ -115,6 +115,8 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
     right = next((model for model in models if model.name == verified.verified_class), None)
     shown = await _corrected(state, given, adaptation)
     warnings += await asyncio.to_thread(_new_labels, right, adaptation)
+    if not adaptation.zones:
+        warnings.append(NOTHING_LEARNED)
     draft = replace(
         _draft(given, adaptation, warnings),
         unknown_page=unknown_page,
@@ -133,6 +135,12 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
             seen=given.seen,
         )
     )
+
+
+NOTHING_LEARNED = Warning(
+    code="nothing-learned",
+    detail="The page has no zones, so no model learned from it. Send `zones` with their labels to teach it.",
+)
 
 
 async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptation) -> dict[str, Any]:
