@@ -29,6 +29,7 @@ MODULES = {
     "reading_busy": "reading.busy",
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
+    "mosaic_whole_views": "mosaic.whole_views",
     "layout_recognition": "layout.recognition",
     "layout_words": "layout.word_labels",
     "layout_values": "layout.values",

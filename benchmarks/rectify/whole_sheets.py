@@ -72,11 +72,11 @@ def photograph_whole(case: WholeSheet, pages: Sequence[Page]) -> SimulatedPhoto:
     )
     page = with_margins(pages[number % len(pages)], _MARGIN)
     camera, shape = view.camera(*_SIZE), _SHAPES[case.shape]
-    pose = _pose_of_width(view, page, shape, camera, _SHARES[case.share])
+    pose = pose_of_width(view, page, shape, camera, _SHARES[case.share])
     return take_photo(Truth(page, shape, 0.0, pose, camera), LAMPS[number % len(LAMPS)], PHONE, rng)
 
 
-def _pose_of_width(view: View, page: Page, shape: Shape, camera: Camera, share: float) -> Pose:
+def pose_of_width(view: View, page: Page, shape: Shape, camera: Camera, share: float) -> Pose:
     """The pose of `view` in which the sheet takes `share` of the photo's width."""
     pose = view.pose(page, shape, camera)
     for _ in range(10):

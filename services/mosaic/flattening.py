@@ -7,16 +7,15 @@ import numpy as np
 
 from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.contract.cameras import CameraMemory
+from services.contract.rectify import RectifyParameters
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
-from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import is_outside_text, of_text_height
-from services.rectify.analysis.focal_length import focal_prior
-from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
-from services.rectify.pipeline import shape_page
+from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.pipeline import find_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_gray_view
 from services.sheet.plane.framing import FlatFrame
@@ -56,10 +55,12 @@ def flatten_photo(
     NoText
         When the photo shows too little printed text to find the page's shape.
     """
-    analysis = analyse_photo(photo, clock=clock)
-    view = PhotoFrame(photo.shape[1], photo.shape[0])
-    prior = focal_prior(view, None, exif_focal_length_px, memory)
-    page = shape_page(analysis, view, prior, "auto", clock)
+    known = (
+        RectifyParameters() if memory is None else RectifyParameters(camera=memory.name, cameras=(memory,))
+    )
+    page = find_page(photo, known, exif_focal_length_px, clock, needs_text=True)
+    analysis = page.analysis
+    assert analysis is not None
     with clock.stage("framing"):
         characters, text_height_px = analysis.characters, analysis.text_height_px
         sheet = analysis.paper.outline(characters)

@@ -166,8 +166,12 @@ def find_page(
     exif_focal_length_px: float | None,
     clock: StageClock,
     is_document: bool = False,
+    *,
+    needs_text: bool = False,
 ) -> ShapedPage:
     """The page in `photo` by its text and the outline of its sheet, or by one of them where the other is not seen.
+
+    With `needs_text` a page without text is refused.
 
     Raises
     ------
@@ -201,6 +205,8 @@ def find_page(
         page = shape_page(analysis, view, prior, parameters.kind, clock, outline)
         return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
     except NoText as refusal:
+        if needs_text:
+            raise
         if not sought:
             with clock.stage("outline"):
                 outline = find_outline(halves)

@@ -28,7 +28,8 @@ class DisplacementField:
         rows, columns = self.nodes.shape[:2]
         x = np.clip(flat[:, 0] / max(self.width - 1, 1), 0, 1) * (columns - 1)
         y = np.clip(flat[:, 1] / max(self.height - 1, 1), 0, 1) * (rows - 1)
-        i, j = np.minimum(x.astype(int), columns - 2), np.minimum(y.astype(int), rows - 2)
+        # Points that are not known are NaN, and so are their displacements.
+        i, j = (np.minimum(np.nan_to_num(each).astype(int), n - 2) for each, n in ((x, columns), (y, rows)))
         s, t = (x - i)[:, None], (y - j)[:, None]
         upper = (1 - s) * self.nodes[j, i] + s * self.nodes[j, i + 1]
         lower = (1 - s) * self.nodes[j + 1, i] + s * self.nodes[j + 1, i + 1]
