@@ -15,7 +15,7 @@ from services.mosaic.registration.block_matching import (
     match_blocks,
     support_blocks,
 )
-from services.mosaic.registration.block_refinement import BlockRefinementParameters, refine_matches
+from services.mosaic.registration.block_refinement import TEXT_HEIGHT_PX, refine_matches
 from services.mosaic.registration.features import Features, detect_features, turn_features
 from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
 from services.mosaic.registration.reduced_view import ReducedView
@@ -187,10 +187,10 @@ def refine_overlap(
 
     The coarser view is the reference, because only the finer one can be reduced to the resolution of the other.
     """
-    p, q = parameters or VerificationParameters(), BlockRefinementParameters()
+    p = parameters or VerificationParameters()
     scale = local_scale(overlap.H_a_b, b.photo)
     text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
-    factor = min(q.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
+    factor = min(TEXT_HEIGHT_PX / max(text, 1e-6), 1.0, 1 / scale)
     fine_a, fine_b = a.reduced(factor, 0), b.reduced(factor * scale, overlap.turns)
     points_a, points_b = overlap.matches()
     points_a = _between(overlap.view_a, fine_a, points_a)
@@ -201,14 +201,14 @@ def refine_overlap(
     else:
         views, H_reference_other, near, far = (fine_b, fine_a), np.linalg.inv(H), points_b, points_a
     displacements = transform_points(H_reference_other, far) - near
-    near, far, correlations = refine_matches(*views, H_reference_other, near, displacements, q)
+    near, far, correlations = refine_matches(*views, H_reference_other, near, displacements)
     if len(near) < 4:
         return None
     displacements = transform_points(H_reference_other, far) - near
     kept = support_blocks(
         near,
         displacements,
-        BlockParameters(agreement_px=p.fine_agreement * q.text_height_px, agreement_slope=p.fine_slope),
+        BlockParameters(agreement_px=p.fine_agreement * TEXT_HEIGHT_PX, agreement_slope=p.fine_slope),
     )
     if np.count_nonzero(kept) < 4:
         return None
