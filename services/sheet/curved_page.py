@@ -24,6 +24,7 @@ from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_
 from services.sheet.developable.observations import (
     NO_EDGES,
     NO_LINES,
+    SLANT_MEAN_RAD,
     LineObservations,
     PageObservations,
     SideObservations,
@@ -41,42 +42,43 @@ from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
 from services.texture_flow.field import FlowSamples, mean_deviation
 
+# How the fit of the surface starts, and when its result is accepted.
+MARGIN = 0.25
+"""The bend continues beyond the text by this share of its width."""
+BORDER = 0.03
+"""The same beyond the sheet's sides, where they are seen."""
+REACH = 0.4
+"""Beyond the bend the surface is straight, and tabulated over this share more."""
+START_SKEWS_RAD = (0.0, np.pi / 2)
+"""Rulings of the flat starts: across the text lines and along them."""
+START_SAMPLES = 200
+GOOD_SHARE = 0.08
+"""Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
+simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
+START_FOCAL_DEVIATION = 0.05
+"""Deviation of the prior in starts whose focal length stays near it."""
+MAX_TILT_RAD = np.deg2rad(80.0)
+STRIPS = 40
+"""Number of strips that describe the surface in the answer."""
+SIDE_SLACK = (8.0, 1.0, 1.0)
+"""Rounds of tracing and fitting the lines (of 12 simulated cones one needed the third), each with this factor on
+the deviations of the sides: their robust loss does not draw a surface that is far from them."""
+MAX_SIDES = 0.0025
+"""RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
+0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
+ones."""
+HOPELESS_SIDES = 2.0
+"""Times `max_sides` after a round without slack, from which on no later one helps: of 33 sheets none came below
+`max_sides`."""
+MIN_VISIBLE = 0.97
+"""Share of the characters that the surface must place."""
+
 
 @dataclass(frozen=True, slots=True)
 class CurvedParameters:
     """How the fit of the surface starts, and when its result is accepted."""
 
     bends: int = 12
-    margin: float = 0.25
-    """The bend continues beyond the text by this share of its width."""
-    border: float = 0.03
-    """The same beyond the sheet's sides, where they are seen."""
-    reach: float = 0.4
-    """Beyond the bend the surface is straight, and tabulated over this share more."""
-    start_skews_rad: tuple[float, ...] = (0.0, np.pi / 2)
-    """Rulings of the flat starts: across the text lines and along them."""
-    start_samples: int = 200
-    good_share: float = 0.08
-    """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
-    simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
-    start_focal_deviation: float = 0.05
-    """Deviation of the prior in starts whose focal length stays near it."""
-    max_magnification_ratio: float = MAX_MAGNIFICATION_RATIO
-    max_tilt_rad: float = np.deg2rad(80.0)
-    strips: int = 40
-    """Number of strips that describe the surface in the answer."""
-    side_slack: tuple[float, ...] = (8.0, 1.0, 1.0)
-    """Rounds of tracing and fitting the lines (of 12 simulated cones one needed the third), each with this factor on
-    the deviations of the sides: their robust loss does not draw a surface that is far from them."""
-    max_sides: float = 0.0025
-    """RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
-    0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
-    ones."""
-    hopeless_sides: float = 2.0
-    """Times `max_sides` after a round without slack, from which on no later one helps: of 33 sheets none came below
-    `max_sides`."""
-    min_visible: float = 0.97
-    """Share of the characters that the surface must place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,15 +165,15 @@ def start_surface(
     )
     page = flat.to_page(characters)
     across = np.cos(skew_rad) * page[:, 0] - np.sin(skew_rad) * page[:, 1]
-    slant = FittingParameters().slant_mean_rad
+    slant = SLANT_MEAN_RAD
     parameters = np.concatenate([[prior.log_focal, skew_rad, 0.0, 0.0, slant], np.zeros(p.bends)])
     return SurfaceStart(plane.rotation, anchor, _basis_over(across, p), parameters)
 
 
 def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
     low, high = (float(v) for v in np.percentile(across, [0.5, 99.5]))
-    margin = p.margin * (high - low)
-    return bend_basis(low - margin, high + margin, p.bends, p.reach)
+    margin = MARGIN * (high - low)
+    return bend_basis(low - margin, high + margin, p.bends, REACH)
 
 
 def recentre(
@@ -184,8 +186,8 @@ def recentre(
     if len(edges.points):
         border = old.to_sheet(old.to_page(edges.points))[:, 0]
         low, high = (float(v) for v in np.nanpercentile(border, [5, 95]))
-        margin = p.border * (high - low)
-        basis = bend_basis(low - margin, high + margin, p.bends, p.reach)
+        margin = BORDER * (high - low)
+        basis = bend_basis(low - margin, high + margin, p.bends, REACH)
     k = np.interp(basis.nodes, old.basis.nodes, old.basis.values @ old.bends, left=0.0, right=0.0)
     bends = np.linalg.lstsq(basis.values, k * (np.abs(basis.values).sum(axis=1) > 0), rcond=None)[0]
     parameters = np.concatenate([fitted.start.parameters[: BENDS - TURN.stop], bends])
@@ -254,7 +256,7 @@ def estimate_curved_page(
             # From where the focal length was not drawn yet: the bends go with it.
             fitted, lines = _fit_lines(e, prior, flat, p, edges)
         reason = implausibility(fitted.surface, e.characters, p)
-        if reason is None and len(edges.points) and not measure_sides(fitted.surface, edges) < p.max_sides:
+        if reason is None and len(edges.points) and not measure_sides(fitted.surface, edges) < MAX_SIDES:
             reason = "no smooth sheet has its sides"
     if reason is not None:
         return NoShape(reason)
@@ -263,7 +265,7 @@ def estimate_curved_page(
     page_map = fitted.surface if straightness < STRAIGHT else morph_to_lines(fitted.surface, lines)
     return CurvedPage(
         page_map,
-        describe_strips(fitted.surface, e.view, e.characters, p.strips),
+        describe_strips(fitted.surface, e.view, e.characters, STRIPS),
         prior.source_beside(fitted.log_focal_deviation),
         lines.count // 2,
         flow_deviation(page_map, e.major, e.minor),
@@ -283,15 +285,15 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     )
     if e.start:
         return fit_surface(e.start, observed, FittingParameters(cauchy_flows=True, max_evaluations=1))
-    free = replace(observed, major=thin(e.major, p.start_samples), minor=thin(e.minor, p.start_samples))
-    held = replace(free, focal_deviation=min(prior.deviation, p.start_focal_deviation))
+    free = replace(observed, major=thin(e.major, START_SAMPLES), minor=thin(e.minor, START_SAMPLES))
+    held = replace(free, focal_deviation=min(prior.deviation, START_FOCAL_DEVIATION))
     soft = FittingParameters(max_evaluations=12)
     cauchy = replace(soft, cauchy_flows=True)
-    starts = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in p.start_skews_rad]
+    starts = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in START_SKEWS_RAD]
     # Cauchy's loss, and a focal length near its prior, do not reach a strong bend. The soft L1 loss, and a free
     # focal length, are biased by the flows of pictures. So both are tried, for one direction of the rulings after
     # the other until one is clearly good.
-    enough = p.good_share * (len(free.major) + len(free.minor))
+    enough = GOOD_SHARE * (len(free.major) + len(free.minor))
     fits: list[FittedSurface] = []
     for start in starts:
         fits.append(fit_surface(start, held, cauchy))
@@ -310,7 +312,7 @@ def _fit_lines(
 ) -> tuple[FittedSurface, LineObservations]:
     """Fit flows and lines in rounds: each traces the lines in the view of the one before, and uses its deviations."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
-    for slack in p.side_slack:
+    for slack in SIDE_SLACK:
         lines = trace_lines(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges)
         eased = replace(parameters, side_factor=slack * parameters.side_factor)
@@ -325,7 +327,7 @@ def _fit_lines(
 
 def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations, p: CurvedParameters) -> bool:
     """Whether the sides are left so far from straight ones that no smooth sheet has them."""
-    return len(edges.points) > 0 and measure_sides(surface, edges) > p.hopeless_sides * p.max_sides
+    return len(edges.points) > 0 and measure_sides(surface, edges) > HOPELESS_SIDES * MAX_SIDES
 
 
 def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> str | None:
@@ -339,15 +341,15 @@ def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedPar
     growth = 1 + at.sheet[:, 1] * surface.slope_rate(at.sheet[:, 0])
     with np.errstate(invalid="ignore"):
         good = np.isfinite(at.page).all(axis=1) & (at.X[:, 2] > 1e-3) & (det > 0) & (growth > 0.05)
-    if good.mean() < p.min_visible:
+    if good.mean() < MIN_VISIBLE:
         return "part of the text would be hidden or folded over"
     low, high = np.percentile(np.sqrt(det[good]), [1, 99])
-    if high >= p.max_magnification_ratio * low:
+    if high >= MAX_MAGNIFICATION_RATIO * low:
         return f"some text would be enlarged {high / low:.0f} times as much as other text"
     sight = at.X[good] / np.linalg.norm(at.X[good], axis=1, keepdims=True)
     N = surface.normals(characters[good])
     tilt = np.arccos(np.clip(np.einsum("ij,ij->i", N, sight), -1, 1))
-    if np.percentile(tilt, 97) >= p.max_tilt_rad:
+    if np.percentile(tilt, 97) >= MAX_TILT_RAD:
         return "part of the text would be seen edge-on"
     return None
 

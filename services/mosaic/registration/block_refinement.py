@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Homography, Points, Vector
 from services.geometry.homographies import transform_points
-from services.mosaic.registration.block_matching import BlockParameters, centroids
+from services.mosaic.registration.block_matching import CORRELATION, centroids
 from services.mosaic.registration.reduced_view import ReducedView
 
 # Pixels are those of the reference view, reduced for this step.
-TEXT_HEIGHT_PX = 18.0
+FINE_TEXT_HEIGHT_PX = 18.0
 """Text height of the reference; a larger one takes longer without a measurable gain."""
 BLOCK_PX = 48
 BLUR_PX = 1.0
@@ -79,7 +79,7 @@ def refine_matches(
         step = np.stack([yy * ex - xy * ey, xx * ey - xy * ex], axis=1) / determinant[:, None]
         moved = moved - np.clip(step, -1, 1) * good[:, None]
     far = np.linalg.norm(moved - displacements, axis=1)
-    good &= (correlations >= BlockParameters().correlation) & (far <= FURTHEST_PX)
+    good &= (correlations >= CORRELATION) & (far <= FURTHEST_PX)
     # The displacement belongs to the centroid of the gradients, not to the block's centre.
     points = middles + centroids(gx**2 + gy**2 + np.float32(1e-9)) - half
     return points[good], transform_points(H_other_reference, points + moved)[good], correlations[good]

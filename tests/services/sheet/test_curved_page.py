@@ -13,6 +13,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.focal_length import focal_prior
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.sheet.curved_page import (
+    STRIPS,
     CurvedPage,
     CurvedParameters,
     describe_strips,
@@ -115,9 +116,9 @@ def test_pages_are_flattened(album: Album, found: Estimates, name: str) -> None:
 def test_strips_lie_between_true_rulings(album: Album, found: Estimates, name: str) -> None:
     shot, strips = album[name], found[name].strips
     truth = shot.truth
-    assert strips.normals.shape == (P.strips, 3)
-    assert strips.points.shape == (P.strips + 1, 2)
-    assert strips.vanishing_points.shape == (P.strips + 1, 3)
+    assert strips.normals.shape == (STRIPS, 3)
+    assert strips.points.shape == (STRIPS + 1, 2)
+    assert strips.vanishing_points.shape == (STRIPS + 1, 3)
     assert np.allclose(np.linalg.norm(strips.normals, axis=1), 1)
     assert (strips.normals[:, 2] > 0).all()
     assert ((strips.angles_rad >= 0) & (strips.angles_rad < np.pi)).all()

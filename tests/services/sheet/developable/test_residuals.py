@@ -10,10 +10,20 @@ from hypothesis import strategies as st
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
 from services.robust import cauchy, soft_l1
-from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations, Run
+from services.sheet.developable.observations import (
+    NO_LINES,
+    SLANT_MEAN_RAD,
+    TILT_RAD,
+    LineObservations,
+    PageObservations,
+    Run,
+)
 from services.sheet.developable.residuals import (
+    BEND,
     BENDS,
+    RIM_DIFFERENCE,
     SLANT,
+    SLOPE,
     FittingParameters,
     PageResiduals,
     Residual,
@@ -242,22 +252,22 @@ def test_priors_pull_to_what_is_usual() -> None:
     x[BENDS:] = k
     bent = residuals.evaluate(x)[0]
     # 21 of the bends, and log f, skew, two slopes, slant, and the two parts of the tilt before them.
-    rim = P.rim_difference
+    rim = RIM_DIFFERENCE
     differences = np.array([rim, rim, *[P.bend_difference] * 3, rim, rim])
     assert np.allclose(bent[priors:-14], np.diff(k) / differences)
     assert np.allclose(bent[-14:-8], np.diff(k, 2) / P.bend_change)
-    assert np.allclose(bent[-8:], k / P.bend)
+    assert np.allclose(bent[-8:], k / BEND)
     assert np.allclose(flat[priors:], 0)
     assert np.allclose(
         bent[priors - 7 : priors],
         [
             np.log(1.5 / 1.2) / 0.1,
             0.5 * np.sin(0.6) / P.skew_rad,
-            0.06 / P.slope,
-            -0.03 / P.slope,
-            (0.01 - P.slant_mean_rad) / P.slant_rad,
+            0.06 / SLOPE,
+            -0.03 / SLOPE,
+            (0.01 - SLANT_MEAN_RAD) / P.slant_rad,
             0.0,
-            -0.2 / P.tilt_rad,
+            -0.2 / TILT_RAD,
         ],
         atol=1e-9,
     )
@@ -280,7 +290,7 @@ def test_only_observations_are_under_a_loss() -> None:
     x = at(FRONTAL)
     x[BENDS] = 200.0
     value, _ = residuals.evaluate(x)
-    assert value[-8] == pytest.approx(200 / P.bend)
+    assert value[-8] == pytest.approx(200 / BEND)
     part = residuals.parts(x)
     n = len(part["major"].value)
     assert np.allclose(value[:n], soft_l1(part["major"].value)[0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from services.sheet.developable.observations import NO_LINES
+from services.sheet.ridged import residuals
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations
@@ -23,7 +24,13 @@ from tests.services.sheet.ridged.sheets import (
     observe,
 )
 
-QUICK = replace(RidgedParameters(), slant_rad=0.0)
+QUICK = RidgedParameters()
+
+
+@pytest.fixture(autouse=True)
+def upright_type(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The strokes of these pages are upright, as those of no real type are."""
+    monkeypatch.setattr(residuals, "SLANT_MEAN_RAD", 0.0)
 
 
 def start_of(sheet: Sheet, observed: SheetObservations) -> SheetMesh:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from services.arrays import Floats, Vector
+from services.sheet.ridged import residuals
 from services.sheet.ridged.blocks import ResidualBlock, robust, single_entries, stacked
 from services.sheet.ridged.observations import SheetObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
@@ -31,7 +32,15 @@ KINDS = (
     "priors",
 )
 LAST = Stage(8, 1.0, 1.0, 1.0)
-UPRIGHT = replace(RidgedParameters(), slant_rad=0.0)
+UPRIGHT = RidgedParameters()
+
+
+@pytest.fixture(autouse=True)
+def upright_type(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The strokes of these pages are upright, as those of no real type are."""
+    monkeypatch.setattr(residuals, "SLANT_MEAN_RAD", 0.0)
+
+
 """The type of these sheets does not lean."""
 
 
