@@ -43,6 +43,7 @@ from services.sheet.tracing.page_lines import trace_lines
 from services.texture_flow.field import FlowSamples, mean_deviation
 
 # How the fit of the surface starts, and when its result is accepted.
+SHEET_BENDS = 12
 MARGIN = 0.25
 """The bend continues beyond the text by this share of its width."""
 BORDER = 0.03
@@ -72,13 +73,6 @@ HOPELESS_SIDES = 2.0
 `max_sides`."""
 MIN_VISIBLE = 0.97
 """Share of the characters that the surface must place."""
-
-
-@dataclass(frozen=True, slots=True)
-class CurvedParameters:
-    """How the fit of the surface starts, and when its result is accepted."""
-
-    bends: int = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +148,11 @@ def describe_strips(
 
 
 def start_surface(
-    points: FlowVanishingPoints, prior: FocalPrior, characters: Points, skew_rad: float, p: CurvedParameters
+    points: FlowVanishingPoints,
+    prior: FocalPrior,
+    characters: Points,
+    skew_rad: float,
+    bends: int = SHEET_BENDS,
 ) -> SurfaceStart:
     """A flat sheet in the mean pose of the flows, whose rulings are turned by `skew_rad` against the strokes."""
     held = FocalPrior(prior.log_focal, 0.01, "given")
@@ -166,28 +164,26 @@ def start_surface(
     page = flat.to_page(characters)
     across = np.cos(skew_rad) * page[:, 0] - np.sin(skew_rad) * page[:, 1]
     slant = SLANT_MEAN_RAD
-    parameters = np.concatenate([[prior.log_focal, skew_rad, 0.0, 0.0, slant], np.zeros(p.bends)])
-    return SurfaceStart(plane.rotation, anchor, _basis_over(across, p), parameters)
+    parameters = np.concatenate([[prior.log_focal, skew_rad, 0.0, 0.0, slant], np.zeros(bends)])
+    return SurfaceStart(plane.rotation, anchor, _basis_over(across, bends), parameters)
 
 
-def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
+def _basis_over(across: Vector, bends: int) -> BendBasis:
     low, high = (float(v) for v in np.percentile(across, [0.5, 99.5]))
     margin = MARGIN * (high - low)
-    return bend_basis(low - margin, high + margin, p.bends, REACH)
+    return bend_basis(low - margin, high + margin, bends, REACH)
 
 
-def recentre(
-    fitted: FittedSurface, characters: Points, p: CurvedParameters, edges: SideObservations = NO_EDGES
-) -> SurfaceStart:
+def recentre(fitted: FittedSurface, characters: Points, edges: SideObservations = NO_EDGES) -> SurfaceStart:
     """The fitted surface as a start whose bends span the characters, and the sheet where its `edges` are seen."""
     old = fitted.surface
     sheet = old.to_sheet(old.to_page(characters))
-    basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], p)
+    basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], SHEET_BENDS)
     if len(edges.points):
         border = old.to_sheet(old.to_page(edges.points))[:, 0]
         low, high = (float(v) for v in np.nanpercentile(border, [5, 95]))
         margin = BORDER * (high - low)
-        basis = bend_basis(low - margin, high + margin, p.bends, REACH)
+        basis = bend_basis(low - margin, high + margin, SHEET_BENDS, REACH)
     k = np.interp(basis.nodes, old.basis.nodes, old.basis.values @ old.bends, left=0.0, right=0.0)
     bends = np.linalg.lstsq(basis.values, k * (np.abs(basis.values).sum(axis=1) > 0), rcond=None)[0]
     parameters = np.concatenate([fitted.start.parameters[: BENDS - TURN.stop], bends])
@@ -240,22 +236,22 @@ def estimate_curved_page(
     CurvedPage or NoShape
         The page, or the reason why no bent sheet is plausible.
     """
-    p, e = CurvedParameters(), evidence
+    e = evidence
     fitted = flat = flat_fit or fit_flows(e, prior)
-    reason, contradicted = implausibility(fitted.surface, e.characters, p), False
+    reason, contradicted = implausibility(fitted.surface, e.characters), False
     if reason is None:
-        fitted, lines = _fit_lines(e, prior, fitted, p, edges)
+        fitted, lines = _fit_lines(e, prior, fitted, edges)
         drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
         if prior.source in MEASURED and drawn > FOCAL.exif_contradiction * prior.deviation:
             prior, contradicted = typical_focal_prior(), prior.source == "exif"
-            fitted, lines = _fit_lines(e, prior, fitted, p, edges)
+            fitted, lines = _fit_lines(e, prior, fitted, edges)
             drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-        hopeless = _sides_hopeless(fitted.surface, edges, p)
+        hopeless = _sides_hopeless(fitted.surface, edges)
         if not hopeless and prior.source == "assumed" and drawn > FOCAL.believable * prior.deviation:
             prior = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")
             # From where the focal length was not drawn yet: the bends go with it.
-            fitted, lines = _fit_lines(e, prior, flat, p, edges)
-        reason = implausibility(fitted.surface, e.characters, p)
+            fitted, lines = _fit_lines(e, prior, flat, edges)
+        reason = implausibility(fitted.surface, e.characters)
         if reason is None and len(edges.points) and not measure_sides(fitted.surface, edges) < MAX_SIDES:
             reason = "no smooth sheet has its sides"
     if reason is not None:
@@ -279,7 +275,6 @@ def estimate_curved_page(
 
 def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     """The surface that the flows alone show: the best of several flat starts, or the one that the evidence has."""
-    p = CurvedParameters()
     observed = PageObservations(
         e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
     )
@@ -289,7 +284,7 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     held = replace(free, focal_deviation=min(prior.deviation, START_FOCAL_DEVIATION))
     soft = FittingParameters(max_evaluations=12)
     cauchy = replace(soft, cauchy_flows=True)
-    starts = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in START_SKEWS_RAD]
+    starts = [start_surface(e.vanishing_points, prior, e.characters, skew) for skew in START_SKEWS_RAD]
     # Cauchy's loss, and a focal length near its prior, do not reach a strong bend. The soft L1 loss, and a free
     # focal length, are biased by the flows of pictures. So both are tried, for one direction of the rulings after
     # the other until one is clearly good.
@@ -298,17 +293,17 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     for start in starts:
         fits.append(fit_surface(start, held, cauchy))
         fits.append(fit_surface(fit_surface(start, free, soft).start, free, cauchy))
-        if any(fit.cost < enough and implausibility(fit.surface, e.characters, p) is None for fit in fits):
+        if any(fit.cost < enough and implausibility(fit.surface, e.characters) is None for fit in fits):
             break
-    likely = [fit for fit in fits if implausibility(fit.surface, e.characters, p) is None]
+    likely = [fit for fit in fits if implausibility(fit.surface, e.characters) is None]
     best = min(likely or fits, key=lambda fit: fit.cost)
     return fit_surface(
-        recentre(best, e.characters, p), observed, FittingParameters(cauchy_flows=True, max_evaluations=20)
+        recentre(best, e.characters), observed, FittingParameters(cauchy_flows=True, max_evaluations=20)
     )
 
 
 def _fit_lines(
-    e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters, edges: SideObservations
+    e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, edges: SideObservations
 ) -> tuple[FittedSurface, LineObservations]:
     """Fit flows and lines in rounds: each traces the lines in the view of the one before, and uses its deviations."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
@@ -316,21 +311,21 @@ def _fit_lines(
         lines = trace_lines(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges)
         eased = replace(parameters, side_factor=slack * parameters.side_factor)
-        fitted = fit_surface(recentre(fitted, e.characters, p, edges), observed, eased)
-        refused = implausibility(fitted.surface, e.characters, p) is not None
+        fitted = fit_surface(recentre(fitted, e.characters, edges), observed, eased)
+        refused = implausibility(fitted.surface, e.characters) is not None
         # In a round with slack the sides have not been drawn yet: from 0.0103 one sheet came to 0.0001.
-        if refused or (slack == 1.0 and _sides_hopeless(fitted.surface, edges, p)):
+        if refused or (slack == 1.0 and _sides_hopeless(fitted.surface, edges)):
             break
         parameters = rescale_deviations(parameters, fitted)
     return fitted, lines
 
 
-def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations, p: CurvedParameters) -> bool:
+def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations) -> bool:
     """Whether the sides are left so far from straight ones that no smooth sheet has them."""
     return len(edges.points) > 0 and measure_sides(surface, edges) > HOPELESS_SIDES * MAX_SIDES
 
 
-def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> str | None:
+def implausibility(surface: DevelopableSurface, characters: Points) -> str | None:
     """Why no camera could see this surface under these characters (N, 2), centred; None if one could.
 
     Nearly all characters must be in front of the camera, on the visible side, where rulings do not cross, and at a

@@ -4,8 +4,6 @@ The whole work fits the sheet to all directions and to the traced text lines, fr
 few directions must do; where it does not explain clearly more than a plane, it is not used.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from services.geometry.focal_prior import FocalPrior
@@ -15,7 +13,6 @@ from services.sheet.curved_page import (
     START_FOCAL_DEVIATION,
     STRIPS,
     CurvedPage,
-    CurvedParameters,
     describe_strips,
     flow_deviation,
     implausibility,
@@ -48,7 +45,6 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
     The focal length stays that of the `prior`: few directions of a bent page do not show it.
     """
     e = evidence
-    usual = replace(CurvedParameters(), bends=BENDS)
     held = min(prior.deviation, START_FOCAL_DEVIATION)
     observed = PageObservations(
         thin(e.major, SAMPLES),
@@ -62,9 +58,9 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
     enough = GOOD_SHARE * (len(observed.major) + len(observed.minor))
     likely: list[FittedSurface] = []
     for skew in SKEWS_RAD:
-        start = start_surface(e.vanishing_points, prior, e.characters, skew, usual)
+        start = start_surface(e.vanishing_points, prior, e.characters, skew, BENDS)
         fit = fit_surface(start, observed, fitting)
-        if implausibility(fit.surface, e.characters, usual) is None:
+        if implausibility(fit.surface, e.characters) is None:
             likely.append(fit)
             if fit.cost < enough:
                 break

@@ -213,7 +213,7 @@ class _LineReader:
                 break
             readings = {way: self._read(index, way) for way in ways}
             letters = max(count for count, _ in readings.values())
-            if letters < self._parameters.informative_letters:
+            if letters < INFORMATIVE_LETTERS:
                 continue
             informative += 1
             total += letters
@@ -230,14 +230,12 @@ class _LineReader:
     def _read(self, index: int, way: _Way) -> tuple[float, float]:
         """Weighted number of letters in one crop, and their confidence."""
         if (index, way) not in self._readings:
-            crop = cut_line(self._page, self._order[index], self._inverted, self._parameters.crop_height_px)
+            crop = cut_line(self._page, self._order[index], self._inverted, CROP_HEIGHT_PX)
             # From the axis's frame back to the page's, and on to the candidate's.
             crop = np.rot90(crop, self.turn_deg // 90)
             crop = apply_orientation(crop, Orientation(way.rotation_deg, way.mirrored, None))
             text, confidence = self._ocr.read_line(crop)
-            letters = sum(map(str.isalpha, text)) + self._parameters.digit_weight * sum(
-                map(str.isdigit, text)
-            )
+            letters = sum(map(str.isalpha, text)) + DIGIT_WEIGHT * sum(map(str.isdigit, text))
             self._readings[index, way] = (letters, confidence)
         return self._readings[index, way]
 

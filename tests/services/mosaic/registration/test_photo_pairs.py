@@ -218,9 +218,9 @@ def test_work_on_photos_of_other_pages_grows_with_their_number(monkeypatch: pyte
     looked_at: list[tuple[int, int, float]] = []
     vote = photo_pairs._vote
 
-    def count(a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: Any) -> Any:
+    def count(a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float) -> Any:
         looked_at.append((a.photo.index, b.photo.index, fineness))
-        return vote(a, b, turns, fineness, p)
+        return vote(a, b, turns, fineness)
 
     monkeypatch.setattr(photo_pairs, "_vote", count)
     assert register_photos(noise) == ()

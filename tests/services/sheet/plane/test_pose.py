@@ -10,6 +10,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import denominators, transform_points
 from services.geometry.planar import PagePlane
 from services.rectify.analysis.focal_length import focal_prior
+from services.sheet.plane import pose as pose_module
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.outline_plane import SheetSides, read_sides
 from services.sheet.plane.planar_page import PlanarPage
@@ -264,10 +265,11 @@ def test_flows_of_no_plane_leave_the_photo_as_it_is_but_for_a_turn(album: Album)
     assert np.isfinite(pose.plane.H_centred_plane).all()
 
 
-def test_an_unseen_focal_length_is_called_uncertain(album: Album) -> None:
+def test_an_unseen_focal_length_is_called_uncertain(album: Album, monkeypatch: pytest.MonkeyPatch) -> None:
     shot = album["plain"]
     prior = focal_prior(shot.frame, None, None)
-    pose = choose_pose(shot.evidence, prior, "planar", PoseParameters(aspect_deviation=0.0))
+    monkeypatch.setattr(pose_module, "ASPECT_DEVIATION", 0.0)
+    pose = choose_pose(shot.evidence, prior, "planar")
     assert [notice.code for notice in pose.notices] == ["aspect-ratio-uncertain"]
     assert "focal_length_px" in pose.notices[0].detail
 
