@@ -10,6 +10,7 @@ from app.schemas.layout import known_result
 from app.schemas.layout_feedback import FeedbackBody
 from app.state import AppState
 from models.records import RECOGNIZED, recognized
+from services.contract.answers.learning import GivenText
 from services.contract.layout_learning import Adaptation, VerifiedPage
 from services.errors import InvalidOption
 
@@ -33,7 +34,7 @@ class GivenFeedback:
     document: Mapping[str, Any]
     verified: VerifiedPage[dict[str, Any]]
     zones: list[dict[str, Any]]
-    texts: list[dict[str, Any]]
+    texts: list[GivenText]
 
     @property
     def recognized(self) -> Mapping[str, Any]:
@@ -49,7 +50,7 @@ class GivenFeedback:
             if RECOGNIZED in self.document and zone.get("text_confidence") == 1.0
         }
         kept = (zone["id"] for zone in self.zones if zone["text"] == before.get(zone["id"]))
-        return frozenset((*kept, *(each["zone"] for each in self.texts)))
+        return frozenset((*kept, *(each.zone for each in self.texts)))
 
     @property
     def is_new_class(self) -> bool:
@@ -60,7 +61,7 @@ class GivenFeedback:
         """What the person said of the zones that were recognized."""
         verified = self.verified
         kept = {str(zone["id"]) for zone in verified.page["zones"]}
-        wrong = {str(each["zone"]) for each in adaptation.wrong}
+        wrong = {each.zone for each in adaptation.wrong}
         class_is_right = verified.found_class == verified.verified_class
         result = known_result(self.recognized["result"])
         return [] if result is None else verdicts_of(result, wrong, kept, class_is_right=class_is_right)

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from app.schemas.layout_models import NameInBody
+from services.contract.answers.learning import CostChange, FoundAndVerified, GivenText, WrongLabel
 from services.contract.answers.page import Answer, Warning
 from services.contract.layout import LONGEST_LABEL
 
@@ -81,37 +82,6 @@ class FeedbackBody(BaseModel):
         if self.zones is not None and self.texts:
             raise ValueError("send texts either in `zones` or in `texts`, not in both")
         return self
-
-
-class FoundAndVerified(Answer):
-    """The found class and the verified class; null: none."""
-
-    found: str | None
-    verified: str | None
-
-
-class WrongLabel(Answer):
-    """A zone whose label was wrong."""
-
-    zone: str
-    found: str | None
-    verified: str | None
-
-
-class CostChange(Answer):
-    """Cost of one labelling of the page under a model, before and after it adapted; null: no such version."""
-
-    before: float | None
-    after: float | None
-
-
-class GivenText(Answer):
-    """A text that the person gave, and the one that was read there."""
-
-    zone: str
-    found: str
-    verified: str
-    edits: int = Field(ge=0, description="Letters to insert, delete or replace.")
 
 
 class AdaptedModel(Answer):

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.fields import FieldSetting
 from services.contract.html import HtmlElement
-from services.contract.images import ImageLimits
+from services.contract.images import DocumentLimits
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 
 LayoutFormat = Literal["json", "pagexml", "alto", "png", "html"]
@@ -55,18 +55,16 @@ class LayoutOptions:
 
 @dataclass(frozen=True, slots=True)
 class LayoutSettings:
-    """Limits of one page (image, zones, zones file) and of one document, and the settings for content features.
+    """Limits of the pages of one document (pictures, zones, zones file), and the settings for content features.
 
     `content_features` is the operator's settings file; None: the file of this package. `language` is what OCR reads in
     images of samples (None: the default).
     """
 
-    image: ImageLimits = field(default_factory=ImageLimits)
+    document: DocumentLimits = field(default_factory=DocumentLimits)
     max_zones: int = 500
     max_zones_file_bytes: int = 8 * 2**20
     content_features: Path | None = None
-    max_pages: int = 20
-    max_document_megapixels: float = 200.0
     language: str | None = None
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from rapidfuzz.distance import Levenshtein
 
+from services.contract.answers.learning import GivenText, LabellingCosts, WrongLabel
 from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDraft
@@ -23,7 +24,7 @@ from services.layout.page import InvalidLayout, Page
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_zones
 from services.operations.page_zones import exchange_limits, read_kept_page
-from services.operations.replies import rounded, to_json_ready
+from services.operations.replies import to_json_ready
 from services.operations.stored_models import read_model
 from services.progress import report_progress
 
@@ -71,12 +72,12 @@ def adapt_models(
     return Adaptation(
         documents={name: model_to_document(each.model) for name, each in learned.items()},
         wrong=[
-            {"zone": zone.id, "found": verified.found_labels.get(zone.id), "verified": zone.label}
+            WrongLabel(zone=zone.id, found=verified.found_labels.get(zone.id), verified=zone.label)
             for zone in zones
             if zone.label != verified.found_labels.get(zone.id) and verified.verified_class is not None
         ],
         costs=[
-            {"model": name, "found": _costs(each.found), "verified": _costs(each.verified)}
+            LabellingCosts(model=name, found=each.found, verified=each.verified)
             for name, each in learned.items()
         ],
         sample=_sample(replace(read.page, zones=zones), read.found_page),
@@ -154,12 +155,12 @@ def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: Lay
             for zone in describe_zones(revised, [(each, each.label, 1.0, None) for each in revised.zones])
         ],
         texts=[
-            {
-                "zone": given.id,
-                "found": before.text,
-                "verified": given.text,
-                "edits": Levenshtein.distance(before.text, given.text),
-            }
+            GivenText(
+                zone=given.id,
+                found=before.text,
+                verified=given.text,
+                edits=Levenshtein.distance(before.text, given.text),
+            )
             for given, before in zip(drawn.zones, read.zones, strict=True)
             if given.text
         ],
@@ -173,10 +174,3 @@ def _check_labels(name: str, labels: set[str | None]) -> None:
             f"labels: model {name} would have {number} different labels; a model may have {MOST_LABELS}.",
             "labels",
         )
-
-
-def _costs(cost: feedback.CostChange) -> dict[str, float | None]:
-    return {
-        "before": None if cost.before is None else rounded(cost.before),
-        "after": None if cost.after is None else rounded(cost.after),
-    }

@@ -43,16 +43,16 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
         When the zones are invalid, have no label, or are not in pixels of the image.
     """
     page = read_zones(zones, settings)
-    return _measured(page, None if image is None else decode_image(image, settings.image).pixels, settings)
+    return _measured(
+        page, None if image is None else decode_image(image, settings.document.image).pixels, settings
+    )
 
 
 def measure_sample_file(image: bytes | None, zones_file: bytes, settings: LayoutSettings) -> MeasuredSample:
     """The same for zones in a file of PAGE-XML, ALTO or JSON. Raises as `measure_sample`."""
-    picture = None if image is None else decode_image(image, settings.image).pixels
+    picture = None if image is None else decode_image(image, settings.document.image).pixels
     page, notices = read_file(zones_file, picture, settings)
-    return MeasuredSample(
-        _measured(page, picture, settings), [each.model_dump() for each in describe_warnings(notices)]
-    )
+    return MeasuredSample(_measured(page, picture, settings), describe_warnings(notices))
 
 
 def _measured(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:
@@ -72,7 +72,7 @@ def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSetti
         When this release does not accept the image or the zones any more.
     """
     [page], _ = read_samples([sample], settings)
-    return _complete(page, decode_image(image, settings.image).pixels, settings)
+    return _complete(page, decode_image(image, settings.document.image).pixels, settings)
 
 
 def _complete(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from app.schemas.layout_samples import PageBody
 from services import errors
 from services.contract.answers.layout import DocumentResult, LayoutResult
+from services.contract.answers.learning import Change, CostChange, LabellingCosts, Round, WrongLabel
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.page import FlatPage, Warning
 from services.contract.answers.rectify import PagesResult, RectifyResult
@@ -35,7 +36,6 @@ from services.contract.layout_learning import (
     Adaptation,
     Correction,
     RevisedPage,
-    Round,
     TrainingReport,
     VerifiedPage,
 )
@@ -305,7 +305,7 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
 
 def measure_sample_file(image: bytes | None, zones: bytes, settings: LayoutSettings) -> MeasuredSample:
     """The same with a warning."""
-    return MeasuredSample(measure_sample(image, zones, settings), [{"code": "file", "detail": "of zones"}])
+    return MeasuredSample(measure_sample(image, zones, settings), [Warning(code="file", detail="of zones")])
 
 
 def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:
@@ -382,16 +382,16 @@ def adapt_models(
         lesson = [*task.labels.values(), model.learner]
         documents[model.name] = {**document, "taught": [*document.get("taught", []), lesson]}
     wrong = [
-        {"zone": zone, "found": task.found_labels[zone], "verified": label}
+        WrongLabel(zone=zone, found=task.found_labels[zone], verified=label)
         for zone, label in verified.items()
         if label != task.found_labels[zone]
     ]
     costs = [
-        {
-            "model": model.name,
-            "found": {"before": 1.0, "after": 2.0},
-            "verified": {"before": 1.5, "after": None},
-        }
+        LabellingCosts(
+            model=model.name,
+            found=CostChange(before=1.0, after=2.0),
+            verified=CostChange(before=1.5, after=None),
+        )
         for model in models
     ]
     zones = [{**zone, "label": verified[str(zone["id"])]} for zone in task.page["zones"]]
@@ -425,7 +425,10 @@ def train_model(
     script = str(samples[0]["zones"][0].get("text") or "")
     verb = follow(script.encode(), "samples")
     kept = 0 if verb == b"learned" else rounds
-    errors = tuple(Round(index, 1 / (index + 2), None) for index in range(rounds + 1))
+    errors = tuple(
+        Round(round=index, error=round(1 / (index + 2), 4), held_out_error=None)
+        for index in range(rounds + 1)
+    )
     trained = document if kept == 0 else {**document, "trained": [rounds, model.learner]}
     draft = ModelDraft(trained, _labels(model.document))
     return draft, TrainingReport(errors, kept, "held-out" if kept == 0 else "rounds")
@@ -435,7 +438,7 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
     """The keys that are others; old and new are how much there is of each."""
     before, after = json.loads(old.document), json.loads(new.document)
     changes = [
-        {"part": "model", "labels": [None], "attribute": key, "old": None, "new": len(str(after.get(key)))}
+        Change(part="model", labels=[None], attribute=key, old=None, new=len(str(after.get(key))))
         for key in dict.fromkeys((*before, *after))
         if before.get(key) != after.get(key)
     ]

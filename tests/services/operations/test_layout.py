@@ -12,7 +12,7 @@ from PIL import Image
 
 from app.schemas.layout import stored_form
 from services.contract.fields import FieldSetting
-from services.contract.images import ImageLimits
+from services.contract.images import DocumentLimits, ImageLimits
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
@@ -299,7 +299,7 @@ def test_a_page_without_an_image_is_drawn_on_white_if_it_is_not_too_large() -> N
     with Image.open(io.BytesIO(reply.body)) as drawn:
         assert drawn.width >= 100
         assert drawn.convert("L").getextrema()[1] == 255
-    narrow = replace(SETTINGS, image=ImageLimits(max_megapixels=0.001))
+    narrow = replace(SETTINGS, document=DocumentLimits(ImageLimits(max_megapixels=0.001)))
     with pytest.raises(TooLarge, match=r"0\.001 megapixels"):
         recognize_upload(None, as_json(page), None, [], options, narrow)
 
