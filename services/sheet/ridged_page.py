@@ -22,6 +22,7 @@ from services.sheet.ridged.observations import SheetObservations, SideObservatio
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.shape import NoShape, ShapeSource
+from services.sheet.sheet_edges import LEAST_POINTS
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, MeshSurface
 from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.texture_flow.field import FlowSamples
@@ -133,7 +134,7 @@ def complete_corners(outline: SheetOutline) -> Points | None:
     reach = BEYOND * float((high - low).max())
     for k in np.flatnonzero(~np.isfinite(corners).all(axis=1)):
         before, after = outline.sides[k - 1].points, outline.sides[k].points
-        if min(len(before), len(after)) < 8:
+        if min(len(before), len(after)) < LEAST_POINTS:
             return None
         lines = []
         for points in (before[-int(END * len(before)) :], after[: int(END * len(after))]):

@@ -15,7 +15,7 @@ from services.texture_flow.projection_profiles import (
     scan_directions,
     scan_slopes,
 )
-from services.texture_flow.regression import reject_outliers, smooth_samples
+from services.texture_flow.regression import OUTLIER_RAD, reject_outliers, smooth_samples
 from services.texture_flow.relaxation import find_peaks, label_by_relaxation
 from services.texture_flow.text_identification import IdentifiedText
 
@@ -25,8 +25,6 @@ COARSE_TEXT_HEIGHT_PX = 3.5
 COARSE_WINDOW = (12.0, 9.0)
 CANDIDATES = 4
 ITERATIONS = 10
-RELAXATION_STEP = 1.0
-"""A large step: ten iterations decide."""
 FINE_BLOCK = 3.0
 FINE_WINDOW = (14.0, 8.0)
 FINE_RANGE_RAD = np.deg2rad(6.0)
@@ -36,7 +34,6 @@ REMEASURE_SLOPE = np.tan(np.deg2rad(3.0))
 REMEASURE_RAD = np.deg2rad(1.5)
 WIDE_RANGE_RAD = np.deg2rad(15.0)
 """For windows measured again: at a bent page's edge, lines turn by 20 degrees within a window's width."""
-OUTLIER_RAD = np.deg2rad(8.0)
 SMOOTHING = 6.0
 """Of the field that neighbours are judged by."""
 FIELD_SMOOTHING = 5.0
@@ -126,7 +123,7 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
     energies = np.zeros((len(centres), len(angles)))
     energies[alive] = scan_directions(ink, reduced[alive], quarter, window)
     candidates = find_peaks(energies.reshape(*grid, -1), angles, CANDIDATES)
-    confidence = label_by_relaxation(candidates, ITERATIONS, RELAXATION_STEP)
+    confidence = label_by_relaxation(candidates, ITERATIONS)
     best = np.argmax(confidence, axis=-1)[..., None]
     energy = np.take_along_axis(candidates.energies, best, axis=-1).ravel()
     angle = np.take_along_axis(candidates.angles, best, axis=-1).ravel()

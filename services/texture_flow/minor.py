@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter
 from services.arrays import Floats, GrayImage, Mask, Vector
 from services.imaging.row_bands import BAND_ROWS, row_bands
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
-from services.texture_flow.regression import reject_outliers, smooth_samples
+from services.texture_flow.regression import OUTLIER_RAD, reject_outliers, smooth_samples
 
 GOLDEN = (5**0.5 - 1) / 2
 LIKELY_SHARE = 0.5
@@ -44,7 +44,6 @@ FINE_RANGE_RAD = np.deg2rad(12.0)
 FINE_BIN_RAD = np.deg2rad(0.25)
 FINE_SIGMA_RAD = np.deg2rad(0.7)
 FINE_FIT_RAD = np.deg2rad(2.5)
-OUTLIER_RAD = np.deg2rad(8.0)
 SMOOTHING = 10.0
 MIN_EDGES = 40
 

@@ -22,9 +22,6 @@ WIDER_WEIGHT = 0.01
 # Lengths relative to a view's long side; gains are compared as logarithms.
 NODES = 7
 """Nodes of the smooth field along the long side; they model vignetting to half a per cent."""
-STIFFNESS = 1.0
-"""Cost of a unit difference between neighbouring nodes relative to a block's residual. It is a twentieth of the
-weight of the blocks between the nodes, so that data decide if there are any."""
 ROBUST_SCALE = 0.03
 """Scale of the Cauchy loss. Smooth changes of light leave smaller residuals; shadow edges and glare larger ones."""
 ITERATIONS = 8
@@ -54,7 +51,8 @@ def fit_light(views: Sequence[CanvasView]) -> list[Floats]:
     starts = np.concatenate([[0], np.cumsum([rows * columns for rows, columns in shapes])])
     normal = np.zeros((starts[-1], starts[-1]))
     for shape, start, end in zip(shapes, starts[:-1], starts[1:], strict=True):
-        normal[start:end, start:end] = STIFFNESS * _roughness(*shape) + GAUGE * np.eye(end - start)
+        # A twentieth of the weight of the blocks between the nodes: data decide where there are any.
+        normal[start:end, start:end] = _roughness(*shape) + GAUGE * np.eye(end - start)
     pairs = _shared_blocks(views, shapes)
     logs: Floats = np.zeros((starts[-1], 3))
     for _ in range(ITERATIONS):

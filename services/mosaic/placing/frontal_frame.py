@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Homography, Mask, Points, Vector
 from services.geometry.homographies import denominators, scaling, transform_points, translation
+from services.geometry.page_frame import FramingParameters
 from services.mosaic.flat_photo import FlatPhoto
 from services.robust import cauchy_weights, geman_mcclure_weights
 
@@ -34,8 +35,6 @@ MAX_GROWTH = 4.0
 """Largest ratio of mosaic pixels to those of all photos; photos along a diagonal leave empty corners."""
 MAX_PIXELS = 1e8
 """Largest mosaic: about 16 photos of 12 megapixels with the usual overlap."""
-MAX_SIDE_PX = 20000
-"""Largest side, as in framing."""
 MOST_STEPS = 60
 """Largest number of iterations; reweighting gains about a digit in three steps."""
 
@@ -106,7 +105,7 @@ def agree_on_frontal_frame(
     scale = min(
         scale,
         float(np.sqrt(min(MAX_PIXELS, MAX_GROWTH * photo_pixels) / (extent[0] * extent[1]))),
-        MAX_SIDE_PX / float(extent.max()),
+        FramingParameters().longest_side_px / float(extent.max()),
     )
     H = scaling(scale) @ translation(-float(low[0]), -float(low[1])) @ upright @ agreed.H_frontal_world
     # The tolerance keeps the last pixel centre despite rounding errors.

@@ -47,8 +47,6 @@ HELD_OUT_CELL = 3.0
 """Cells by which matches are held out, one in five; slightly larger than the matched blocks."""
 TRIMMED = 0.75
 """Share of the matches, the best ones, in an RMS: the others may be wrong."""
-GREATEST = 1.0
-"""Largest displacement; a larger one is not a residual."""
 GREATEST_OF_DIAGONAL = 0.02
 """Largest displacement relative to the view's diagonal."""
 GREATEST_GRADIENT = 0.05
@@ -142,7 +140,8 @@ def estimate_residual_warp(
     text_height = float(np.median([photos[k].text_height_px * s for k, s in scales.items()]))
     grids = _grids(photos, H_mosaic_flat)
     diagonal = float(np.mean([np.hypot(*photos[k].size) * s for k, s in scales.items()]))
-    greatest = min(GREATEST * text_height, GREATEST_OF_DIAGONAL * diagonal)
+    # More than a text height is no residual.
+    greatest = min(text_height, GREATEST_OF_DIAGONAL * diagonal)
     matches = _gather(grids, H_mosaic_flat, pairs, HELD_OUT_CELL * text_height)
     # Separated by more than two displacements can correct: a wrong match.
     possible = np.hypot(*matches.apart.T) < 2 * greatest

@@ -26,7 +26,7 @@ GRID_GROWTH = 1.2
 # Pixels are those of the reduced views, in which text is `text_height_px` high.
 TEXT_HEIGHT_PX = 12.0
 """At 8, narrow overlaps contain no block; at 16 the search takes twice as long."""
-BLOCK_PX = 48.0
+BLOCK_PX = 48
 """Side of a block: about five characters by two or three lines."""
 FEW_BLOCKS = 14
 """Number of blocks below which their side is reduced, at most twice, ..."""
@@ -129,7 +129,7 @@ def match_blocks(
     inner = slice(search_px, search_px + height), slice(search_px, search_px + width)
     own = a.unruled[low[1] : high[1], low[0] : high[0]]
     both = seen[inner].astype(bool) & a.shown[low[1] : high[1], low[0] : high[0]]
-    side = BLOCK_PX
+    side: float = BLOCK_PX
     for _ in range(3):
         block = _block_size(both, side, p)
         if block is None:

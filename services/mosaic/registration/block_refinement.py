@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Homography, Points, Vector
 from services.geometry.homographies import transform_points
-from services.mosaic.registration.block_matching import CORRELATION, centroids
+from services.mosaic.registration.block_matching import BLOCK_PX, CORRELATION, centroids
 from services.mosaic.registration.reduced_view import ReducedView
 
 # Pixels are those of the reference view, reduced for this step.
 FINE_TEXT_HEIGHT_PX = 18.0
 """Text height of the reference; a larger one takes longer without a measurable gain."""
-BLOCK_PX = 48
 BLUR_PX = 1.0
 """Blur of both views: it increases the range of convergence and suppresses interpolation artefacts."""
 STEPS = 5

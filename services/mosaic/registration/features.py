@@ -17,9 +17,6 @@ CELLS, DIRECTIONS = 4, 8
 MATCH_ROWS = 512
 """Number of rows of the similarity matrix that are computed at a time."""
 
-OCTAVE_LAYERS, EDGE_RATIO, BLUR_PX = 3, 10.0, 1.6
-"""The detector's defaults (Lowe 2004): layers an octave, ratio of curvatures of an edge, blur of the first layer."""
-
 
 # Measured on simulated and real sets: at full resolution letters cause too many false matches.
 LONG_SIDE_PX = 700.0
@@ -27,8 +24,6 @@ LONG_SIDE_PX = 700.0
 LEAST_TEXT_HEIGHT_PX = 6.0
 MOST_TEXT_HEIGHT_PX = 14.0
 """Range of the text height after the reduction: below it lines become bars, above it features are letters."""
-CONTRAST = 0.04
-"""Least contrast of an extremum, the detector's default."""
 RATIO = 0.93
 """Largest ratio of the nearest to the second nearest distance of a match. It is high, because the vote separates
 true from false matches better than the ratio does."""
@@ -69,7 +64,7 @@ def detect_features(photo: FlatPhoto, fineness: float = 1.0) -> Features:
     reduction = float(np.clip(reduction, LEAST_TEXT_HEIGHT_PX / text, MOST_TEXT_HEIGHT_PX / text))
     reduction = min(1.0, fineness * reduction)
     gray, shown, H_reduced_flat = reduce_view(photo.gray, photo.shown, reduction)
-    detector = cv2.SIFT.create(0, OCTAVE_LAYERS, CONTRAST, EDGE_RATIO, BLUR_PX, True)
+    detector = cv2.SIFT.create(enable_precise_upscale=True)
     found = detector.detect(gray, shown.view(np.uint8) * 255)
     # Text lines are horizontal: a dominant direction would add noise and duplicates of features.
     upright: dict[tuple[float, float, float], cv2.KeyPoint] = {}

@@ -35,8 +35,6 @@ FIRST_BLOCKS = 40
 FIRST_SHARE = 0.25
 """Least share of found blocks among the first ones if a homography is roughly true (false: below 0.06)."""
 ROUNDS = 5
-SETTLED = 0.04
-"""Matching and fitting are repeated until the homography moves the blocks by at most this."""
 LATER_SHARE = 0.4
 """Least share of found blocks while the homography still moves."""
 AGREEMENT = 0.6
@@ -155,7 +153,7 @@ def verify_overlap(
         left = np.linalg.norm(fitted - points, axis=1)
         change = np.linalg.norm(fitted - moved, axis=1)
         radius = min(radius, max(LEAST_SEARCH * TEXT_HEIGHT_PX, 3 * float(np.percentile(left, 90))))
-        if most == MOST_BLOCKS and float(np.percentile(change, 90)) < SETTLED * TEXT_HEIGHT_PX:
+        if most == MOST_BLOCKS and float(np.percentile(change, 90)) < FINE_LOSS * TEXT_HEIGHT_PX:
             break
         most, share, least = MOST_BLOCKS, LATER_SHARE, p.found
     if found.agreement < AGREEMENT:

@@ -31,7 +31,8 @@ LARGEST_SLOPE = 0.4
 """Of a gutter against the strokes, at most, either way; perspective makes this much."""
 SLOPE_STEPS = 33
 PAGE_GAP = 5.0
-"""Least gap between two pages, as `row_gap` measures it: two margins."""
+"""Least gap between two pages, as `row_gap` measures it: two margins. On simulated photos columns have 0.9 to 4.5, two
+pages 5.1 to 12."""
 CLOSE_GAP = 4.0
 """Least gap where the gutter is as dark as `close_dip`: in thick books the margins bend down into it."""
 CLOSE_DIP = 0.25

@@ -20,7 +20,14 @@ from services.imaging.channels import log_brightness
 from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
 from services.imaging.reduction import Halves, reduce_image
-from services.rectify.analysis.gutter import Gutter, direction_jump, find_gutter, row_gap
+from services.rectify.analysis.gutter import (
+    LONG_SIDE_PX,
+    PAGE_GAP,
+    Gutter,
+    direction_jump,
+    find_gutter,
+    row_gap,
+)
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.text_identification import FEWEST_CHARACTERS
 
@@ -32,7 +39,6 @@ SAME_PAPER = PaperParameters(text_contrast=0.35)
 
 
 # Lengths are multiples of the text height, contrasts differences of the logarithm of brightness.
-LONG_SIDE_PX = 700
 SLOPES = (-0.2, 0.0, 0.2)
 """Of edges against the strokes; an edge may lean by 0.14 more."""
 NEAR = 0.5
@@ -48,9 +54,6 @@ CONTRAST_SHARE = 0.8
 CUT_CONTRAST = 0.1
 """Least contrast of an edge, if the text beyond it is cut off by the end of the photo."""
 JUMP_RAD = float(np.deg2rad(8.0))
-COLUMN_GAP = 5.0
-"""With a smaller gap between them, texts on both sides are columns of one page. `row_gap` on simulated photos:
-columns 0.9 to 4.5, two pages 5.1 to 12."""
 COLUMN_JUMP_RAD = float(np.deg2rad(30.0))
 """Unless the lines change their direction by this: bent columns show up to 24 degrees."""
 BORDER = 2.0
@@ -275,7 +278,7 @@ def _worth(side: Chosen, text: _Text) -> float:
 def _is_another_page(divide: _Divide, other: Chosen, text: _Text) -> bool:
     """Whether the lines change their direction at the edge, or those beyond it are cut off."""
     jump = direction_jump(divide.samples, divide.sample_rows, text.major, text.height)
-    if row_gap(divide.characters, divide.character_rows, text.height) < COLUMN_GAP:
+    if row_gap(divide.characters, divide.character_rows, text.height) < PAGE_GAP:
         return jump > COLUMN_JUMP_RAD
     if jump > JUMP_RAD:
         return True

@@ -16,9 +16,11 @@ from services.imaging.channels import luminance
 from services.imaging.ground import Ground, find_ground
 from services.imaging.illumination import divide_by_light, reduced_light
 from services.imaging.reduction import Halves, reduce_image
+from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
-from services.rectify.shape_choice.text_check import is_level_in_view
+from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
@@ -39,16 +41,12 @@ DEVIATIONS = 4.0
 """Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
 CLEAR_FLOW = 3.0
 """If the directions of the text alone show so many times that, no line is traced."""
-FEW_LINES = 3
+FEWEST_LINES = 3
 """Fewer lines do not show whether the photo is flat; then its ground must, and level print on it."""
-CLEAR_LINES = 10
-"""So many on one ground are print without a closer look."""
 VISIBLE_TURN_RAD = float(np.deg2rad(0.5))
 """A page that is turned by less keeps its own pixels."""
 MOST_TURN_RAD = float(np.deg2rad(15.0))
 """Of a page that fills its picture; print that is turned by more is slanted on its page."""
-SHEET_CONFIDENCE = 0.9
-"""Confidence of an outline from which on its sides are a sheet's in view, ..."""
 WHOLE_CONFIDENCE = 0.7
 """... or this one, where all of its sides were seen nearly from end to end, ..."""
 WHOLE_SIDE = 0.9
@@ -58,8 +56,6 @@ HUGGING = 0.05
 """... unless they all lie within this share of the photo's long side from its frame ..."""
 ALONG_AXIS = 0.007
 """... or, on a page of a PDF, along its axes (slope): such sides are those of a picture."""
-ANALYSED_PX = 1600
-"""Long side of the copy in which print is sought."""
 
 
 def may_be_flat(parameters: RectifyParameters) -> bool:
@@ -172,14 +168,14 @@ def sure_departure(departure: Departure) -> float:
 def _is_print(photo: Halves, evidence: PageEvidence, shape: PhotoAsPage, ground: Ground | None) -> bool:
     """Whether there is print: lines of text or level rows of any print on one ground, or rows of text on any."""
     if ground is None:
-        return shape.line_count >= FEW_LINES and is_level_in_view(evidence, shape)
-    return shape.line_count >= CLEAR_LINES or photo_shows_print(photo)
+        return shape.line_count >= FEWEST_LINES and is_level_in_view(evidence, shape)
+    return shape.line_count >= FEW_LINES or photo_shows_print(photo)
 
 
 def photo_shows_print(photo: Halves) -> bool:
     """Whether level rows of print, dark or light, are seen along one of the photo's axes."""
     gray = luminance(photo.image)
-    small = reduce_image(gray, min(1.0, ANALYSED_PX / max(gray.shape)))
+    small = reduce_image(gray, min(1.0, AnalysisParameters().long_side_px / max(gray.shape)))
     for seen in (small, np.asarray(255 - small, np.uint8)):
         ink = detect_ink(divide_by_light(seen, reduced_light(seen)))
         if shows_print(ink) or shows_print(np.ascontiguousarray(ink.T)):

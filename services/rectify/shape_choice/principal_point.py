@@ -53,20 +53,13 @@ HELD = 1e-4
 SMALLEST = 0.06
 LARGEST = 0.4
 """Range of accepted offsets: a smaller one does no harm, and more than half of a photo is not cut away."""
-LINE_SCALE = 1.0
-"""A bent sheet must leave its text lines as straight as they were traced: creased ones use every
-free parameter to explain their lines."""
 STARTS = (-0.15, 0.15)
 """Of a plane, whose equation has two roots."""
 TENSION = 1.8
 """A plane whose focal length is fewer deviations from what is known of it shows no cropping."""
-SCORE = 2.5
-"""A bent sheet is fitted again if a free principal point is expected to lower its cost by this."""
 ONE_AXIS = 2.5
 BOTH_AXES = 8.5
 """Most photos are not cropped, and few of those that are lose a corner."""
-OTHER_FOCAL = 4.0
-"""Cost of another focal length than EXIF's: such photos were zoomed, or cut equally on all sides."""
 UNCUT_PRINT = 1.5
 """Where a photo was cut, print often runs up to its border."""
 GAIN_SHARE = 0.08
@@ -76,7 +69,9 @@ required if no camera has the aspect ratio of the photo."""
 ASPECTS = ((4 / 3, 0.0), (16 / 9, 1.6), (3 / 2, 2.8))
 """Of the photos that cameras take, with their costs: phones take 4:3 and some 16:9, larger cameras 3:2."""
 ASPECT_DEVIATION = 0.04
-OTHER_ASPECT = 4.0
+UNUSUAL = 4.0
+"""Cost of a focal length other than EXIF's (such photos were zoomed, or cut equally on all sides), and of an aspect
+ratio that cameras do not have."""
 USUAL_ASPECT = 1.45
 OTHER_ASPECT_DEVIATION = 0.2
 """Of the logarithm; other aspects are rare, and long ones rarer still."""
@@ -177,7 +172,7 @@ def _choose(fitting: _Fitting, e: PageEvidence, prior: FocalPrior) -> _Fit | Non
     best, least = None, centre.cost + aspect_cost(view, (0.0, 0.0))
     if prior.source == "exif" and fitting.other_focal is not None:
         free_cost = fitting.other_focal()
-        unlikely = free_cost + OTHER_FOCAL + aspect_cost(view, (0.0, 0.0))
+        unlikely = free_cost + UNUSUAL + aspect_cost(view, (0.0, 0.0))
         if unlikely < least:
             best, least = _Fit((0.0, 0.0), free_cost, other_focal=True), unlikely
     tried: set[tuple[float, float]] = set()
@@ -252,7 +247,7 @@ def aspect_cost(view: PhotoFrame, offset: Offset) -> float:
         0.5 * ((aspect - float(np.log(ratio))) / ASPECT_DEVIATION) ** 2 + cost for ratio, cost in ASPECTS
     )
     off = (aspect - float(np.log(USUAL_ASPECT))) / OTHER_ASPECT_DEVIATION
-    return min(usual, OTHER_ASPECT + 0.5 * off**2)
+    return min(usual, UNUSUAL + 0.5 * off**2)
 
 
 def is_odd(view: PhotoFrame) -> bool:
@@ -263,7 +258,8 @@ def is_odd(view: PhotoFrame) -> bool:
 def _sheet_fitting(e: PageEvidence, prior: FocalPrior, page: CurvedPage) -> _Fitting | None:
     """Fits of the bent sheet from the present one; None if a free principal point would gain too little."""
     fitted = page.fitted
-    if fitted.line_scale > LINE_SCALE:
+    # Lines that are less straight than they were traced: creased sheets use every free parameter to explain them.
+    if fitted.line_scale > 1.0:
         return None
     parameters = rescale_deviations(FittingParameters(cauchy_flows=True), fitted)
     middle = PageObservations(
@@ -277,7 +273,7 @@ def _sheet_fitting(e: PageEvidence, prior: FocalPrior, page: CurvedPage) -> _Fit
     )
     anywhere = replace(middle, principal_point=PrincipalPointPrior((OFFSET, OFFSET)))
     odd = is_odd(e.view)
-    if not odd and max(free_gain(fitted.start, anywhere, parameters)) < SCORE:
+    if not odd and max(free_gain(fitted.start, anywhere, parameters)) < ONE_AXIS:
         return None
 
     def fit(principal_point: PrincipalPointPrior | None) -> _Fit:

@@ -4,13 +4,13 @@ The whole work fits the sheet to all directions and to the traced text lines, fr
 few directions must do; where it does not explain clearly more than a plane, it is not used.
 """
 
-import numpy as np
-
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
+from services.rectify.shape_choice.choice import CURVED_GAIN
 from services.sheet.curved_page import (
     GOOD_SHARE,
     START_FOCAL_DEVIATION,
+    START_SKEWS_RAD,
     STRIPS,
     CurvedPage,
     describe_strips,
@@ -33,10 +33,6 @@ EVALUATIONS = 20
 """At most; with 6 bends and 10 evaluations the mesh is a fifth farther off."""
 LEAST_GAIN = 1e-2
 """The fit ends when a step lowers the cost by a smaller share: a third of the time, and the mesh is as near."""
-SKEWS_RAD = (0.0, np.pi / 2)
-"""Rulings across the text lines, then along them, if the first are not clearly right."""
-GAIN = 0.7
-"""The bent sheet must bring the deviation of the flows below this share of the plane's."""
 
 
 def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> CurvedPage | None:
@@ -57,7 +53,7 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
     fitting = FittingParameters(cauchy_flows=True, max_evaluations=EVALUATIONS, least_gain=LEAST_GAIN)
     enough = GOOD_SHARE * (len(observed.major) + len(observed.minor))
     likely: list[FittedSurface] = []
-    for skew in SKEWS_RAD:
+    for skew in START_SKEWS_RAD:
         start = start_surface(e.vanishing_points, prior, e.characters, skew, BENDS)
         fit = fit_surface(start, observed, fitting)
         if implausibility(fit.surface, e.characters) is None:
@@ -68,7 +64,7 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
         return None
     best = min(likely, key=lambda fit: fit.cost)
     deviation = flow_deviation(best.surface, e.major, e.minor)
-    if deviation > GAIN * flow_deviation(plane, e.major, e.minor):
+    if deviation > CURVED_GAIN * flow_deviation(plane, e.major, e.minor):
         return None
     return CurvedPage(
         best.surface,

@@ -16,13 +16,10 @@ from services.imaging.reduction import reduce_image
 from services.notices import Notice
 from services.ocr.engine import DirectionDetector, OcrEngine
 from services.ocr.text_lines import TextLine, TextLines, cut_line, detect_text_lines
+from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.results import Orientation
 from services.rectify.view.drawing import draw_gray_view
-
-READING_LONG_SIDE_PX = 1600
-"""Long side of the photo in which a few words are read, where its text was not found."""
-
 
 # When more lines are read, and when an orientation is accepted.
 #
@@ -72,7 +69,6 @@ EAST_ASIAN_SCRIPTS = ("Han", "Hangul", "Japanese", "Korean")
 LEAST_SURE_CONFIDENCE = 6.0
 """Of these scripts, for which other print is not taken, mirrored or not. Eight photos of a Chinese page were all
 right, at 7.8 to 11.2. And of a direction that the lines' readings found as well."""
-DETECTION_LONG_SIDE_PX = 1600
 CROP_HEIGHT_PX = 36
 
 
@@ -134,7 +130,7 @@ def _ask_engine(
 
     `plain` is what the lines' readings say if mirrored ways are left out: less confidence is enough for the same.
     """
-    factor = min(1.0, DETECTION_LONG_SIDE_PX / max(flat.shape))
+    factor = min(1.0, AnalysisParameters().long_side_px / max(flat.shape))
     direction = ocr.detect_direction(flatten_illumination(reduce_image(flat, factor)))
     if direction is None:
         return found
@@ -282,7 +278,7 @@ def draw_for_reading(photo: RgbImage, analysis: PageAnalysis | None, frame: Fram
     if analysis is not None:
         text = analysis.strokes
         return draw_gray_view(text.image, text.factor, resize_frame(frame, text.factor), text.origin)
-    factor = min(1.0, READING_LONG_SIDE_PX / max(photo.shape))
+    factor = min(1.0, AnalysisParameters().long_side_px / max(photo.shape))
     gray = reduce_image(luminance(photo), factor)
     return draw_gray_view(flatten_illumination(gray), factor, resize_frame(frame, factor))
 

@@ -24,6 +24,7 @@ from services.arrays import Floats, Points, Vector
 from services.geometry.photo_frame import PhotoFrame
 from services.robust import cauchy_weights, robust_scale
 from services.sheet.developable.observations import LineObservations
+from services.sheet.plane.planarity import blur_of_strokes
 from services.texture_flow.field import FlowSamples, angle_difference
 
 ROUNDS = 8
@@ -42,8 +43,6 @@ NARROW = 0.6
 """Of the photo's width: print that takes less is part of a page that is narrower too, ..."""
 ENDS = (5.0, 95.0)
 """... between these percentiles of its characters."""
-SHARP_TEXT_HEIGHT_PX = 22.0
-"""Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ def measure_departure(
     These and `characters` (N, 2) are centred in `view`; `text_height_px` is the characters' size in the photo.
     """
     axes = _axes(view, skew_rad)
-    blur = max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)
+    blur = blur_of_strokes(text_height_px)
     reach = _reach(characters, view, skew_rad)
     crossing = None
     if strokes is not None and len(strokes) >= FEWEST_DIRECTIONS:

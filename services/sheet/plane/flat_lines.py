@@ -33,7 +33,6 @@ class RefinementParameters(ObservationParameters):
     """Standard deviations of the observations of a flat page."""
 
     baseline_factor: float = 1.0
-    spacing_alike: float = 0.05
     believable_focal: float = FOCAL.believable
     """Infinite where the focal length is kept at the typical one already."""
 
@@ -89,7 +88,7 @@ def observe_lines(
         lines.heights / length,
         paragraphs,
         margins,
-        group_alike(spacings, p.spacing_alike),
+        group_alike(spacings),
     )
 
 

@@ -25,6 +25,7 @@ from services.sheet.plane.straight_lines import (
     start_plane,
 )
 from services.sheet.shape import NoShape
+from services.sheet.sheet_edges import LEAST_POINTS
 
 LINE_FITS = 8
 """Reweighted fits of a side's line; the weights then change no more."""
@@ -35,7 +36,6 @@ SQUARE_SIZE = 0.05
 
 
 # Which sides are used, and when their plane is accepted. Lengths are shares of the side's length.
-MIN_POINTS = 8
 MIN_SEEN = 0.25
 """If a smaller share of a side is seen, the other sides show its direction better."""
 OVERLAP = 4.0
@@ -158,7 +158,7 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
     points, deviations = side.points, np.maximum(side.deviations, 1e-6)
     known = np.isfinite(points).all(axis=1) & np.isfinite(deviations)
     points, deviations = points[known], deviations[known]
-    if len(points) < MIN_POINTS or side.seen < MIN_SEEN:
+    if len(points) < LEAST_POINTS or side.seen < MIN_SEEN:
         return None
     weights = 1 / deviations**2
     middle, along, off = _weighted_line(points, weights)

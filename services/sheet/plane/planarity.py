@@ -10,7 +10,12 @@ from services.sheet.evidence import PageEvidence
 MAJOR_LIMIT = 0.010
 MINOR_LIMIT = 0.040
 SHARP_TEXT_HEIGHT_PX = 22.0
-"""Below this size of characters in the photo, stroke directions have larger errors, by the square of the ratio."""
+"""Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
+
+
+def blur_of_strokes(text_height_px: float) -> float:
+    """Factor on the deviation of stroke directions for characters of this size in the photo; 1 for sharp ones."""
+    return max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)
 
 
 def discriminate_surface(points: FlowVanishingPoints, text_height_px: float) -> Literal["planar", "curved"]:
@@ -18,7 +23,7 @@ def discriminate_surface(points: FlowVanishingPoints, text_height_px: float) -> 
 
     `text_height_px` is the size of characters in the photo, which the minor flow's roughness depends on.
     """
-    minor_limit = MINOR_LIMIT * max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)
+    minor_limit = MINOR_LIMIT * blur_of_strokes(text_height_px)
     converges = points.horizontal.convergence <= MAJOR_LIMIT and points.vertical.convergence <= minor_limit
     return "planar" if converges else "curved"
 

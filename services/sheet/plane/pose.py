@@ -63,8 +63,6 @@ grain of a desk. Text lines of bent and crumpled sheets are within 3 degrees."""
 ASLANT_RAD = np.deg2rad(5.0)
 """A larger angle between the print and its sheet is reported as a warning."""
 FEW_LINES = 6
-FEW_ASLANT_RAD = np.deg2rad(1.5)
-"""Fewer lines of text than `few_lines` do not turn the view further against its sheet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,7 +300,7 @@ def aspect_uncertain(log_deviation: float, *, by_format: bool = False) -> Notice
 
 def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> bool:
     """Whether the lines found on a sheet are not text, or too few to turn the view against the sides of the sheet."""
-    aslant = abs(refined.skew_rad) > FEW_ASLANT_RAD and refined.lines < FEW_LINES
+    aslant = abs(refined.skew_rad) > TEXT_RAD and refined.lines < FEW_LINES
     return deviation_rad > STRAY_RAD or aslant
 
 

@@ -22,10 +22,8 @@ class Stage:
 # Standard deviations; lengths are relative to what is named.
 STRETCH = 0.002
 """Of an edge's length, in steps: paper does not stretch, but a ridge within a cell shortens its edges."""
-LINE = 1.0
-"""Of a line's points, in units of their own deviations."""
 LEAST_LINE = 0.02
-"""Text heights, least deviation of a line's point."""
+"""Text heights, least deviation of a line's point; else it has its own."""
 SPACING = 0.02
 """Of the step from a line to the next, in line spacings: type is set evenly, but a baseline is seen through
 letters."""
@@ -34,10 +32,9 @@ FLOW_RAD = np.deg2rad(1.0)
 """Of a text line's direction; weights are as for strokes."""
 MARGIN = 0.4
 """Of a flush end, in text heights."""
-SIDE = 1.0
-"""Of an outline's point, in units of its own deviation."""
 LEAST_SIDE = 0.0006
-"""Photo units: the side of a sheet is cut as straight as that, and not found better."""
+"""Photo units, least deviation of a side's point; else it has its own: the side of a sheet is cut as straight as
+that, and not found better."""
 EVALUATIONS = 12
 """Of each of these fits."""
 MAX_DAMPING = 1e6

@@ -26,9 +26,7 @@ from services.sheet.ridged.parameters import (
     FLOW_RAD,
     LEAST_LINE,
     LEAST_SIDE,
-    LINE,
     MARGIN,
-    SIDE,
     SPACING,
     STROKE_RAD,
     RidgedParameters,
@@ -85,7 +83,7 @@ class SheetResiduals:
         ) / np.maximum(size, 1)
         # A deviation across the line in the photo is one across the rows by the map's local scale at the start.
         height = lines.text_height * float(np.median(across_rows[first])) if len(lines.points) else 1.0
-        self.line_deviation = LINE * np.hypot(lines.deviations * across_rows[first], LEAST_LINE * height)
+        self.line_deviation = np.hypot(lines.deviations * across_rows[first], LEAST_LINE * height)
         self.margin_deviation = (
             MARGIN * lines.text_height * float(np.median(across_columns[self.slices[1]]))
             if len(ends)
@@ -109,8 +107,7 @@ class SheetResiduals:
             else FLOW_RAD * np.sqrt(STROKE_OVERLAP / np.maximum(observed.flow.weights, 0.05))
         )
         self.side_deviation = [
-            SIDE
-            * np.hypot(side.deviations, LEAST_SIDE)
+            np.hypot(side.deviations, LEAST_SIDE)
             * (across_columns if k % 2 else across_rows)[self.slices[4 + k]]
             for k, side in enumerate(sides)
         ]

@@ -29,6 +29,9 @@ DRIFT = 0.45
 SIZE_RATIO = 3.0
 MIN_CHARACTERS = 6
 MIN_LENGTH = 6.0
+"""Of a line of text, a row or a rule."""
+ALIKE = 0.05
+"""Paragraphs whose spacing differs by less, relatively, have the same."""
 BASELINE_SCALE = 0.08
 """Scale of Geman and McClure's loss of the baseline fit; descenders are outliers."""
 
@@ -276,11 +279,11 @@ def find_margins(
     return groups
 
 
-def group_alike(values: Vector, tolerance: float) -> list[NDArray[np.intp]]:
-    """Groups of at least two numbers of values that differ from the group's least by `tolerance` at most."""
+def group_alike(values: Vector) -> list[NDArray[np.intp]]:
+    """Groups of at least two numbers of values that differ from the group's least by `ALIKE` at most."""
     groups, order, start = [], np.argsort(values), 0
     for k in range(1, len(order) + 1):
-        if k == len(order) or values[order[k]] > (1 + tolerance) * values[order[start]]:
+        if k == len(order) or values[order[k]] > (1 + ALIKE) * values[order[start]]:
             if k - start >= 2:
                 groups.append(order[start:k])
             start = k

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from services.arrays import Mask, Vector
 from services.order_statistics import median
 from services.robust import geman_mcclure_weights
-from services.sheet.tracing.baselines import CharacterRows, chain_characters
+from services.sheet.tracing.baselines import EDGE_ROUNDS, MIN_LENGTH, CharacterRows, chain_characters
 
 # When rows of characters are those of print. Lengths are multiples of a row's character height.
 LEVEL_RAD = 0.05
@@ -16,8 +16,6 @@ NEAR = 0.12
 """Distance from the row's line up to which a character stands, or ends, on it ..."""
 ON_LINE = 0.6
 """... as this share of the row's characters does: the others have descenders, or ascenders."""
-LENGTH = 6.0
-ROUNDS = 8
 ROWS = 2
 SHARE = 0.15
 """Of the components, those in level rows. Pages have 0.25 (a blurred table) to 0.99, pictures up to 0.1."""
@@ -71,7 +69,7 @@ def _is_level(found: CharacterRows, members: NDArray[np.intp]) -> bool:
     top, bottom = found.top[members], found.bottom[members]
     height = median(bottom - top)
     x = 0.5 * (found.left[members] + found.right[members])
-    if float(np.ptp(x)) < LENGTH * height:
+    if float(np.ptp(x)) < MIN_LENGTH * height:
         return False
     x = (x - x.mean()) / height
     return any(_on_line(x, (edge - median(edge)) / height) for edge in (bottom, top))
@@ -81,7 +79,7 @@ def _on_line(x: Vector, y: Vector) -> bool:
     """Whether most points (x, y), both (n,), lie on a level line."""
     terms = np.column_stack([np.ones(len(x)), x])
     rest, slope = y, 0.0
-    for _ in range(ROUNDS):
+    for _ in range(EDGE_ROUNDS):
         weights = np.sqrt(geman_mcclure_weights(rest, NEAR))
         level, slope = np.linalg.lstsq(terms * weights[:, None], y * weights, rcond=None)[0]
         rest = y - level - slope * x

@@ -23,6 +23,7 @@ from services.sheet.developable.observations import NO_LINES, LineObservations, 
 from services.sheet.tracing.baselines import (
     BATCH,
     EDGE_ROUNDS,
+    MIN_LENGTH,
     Baselines,
     CharacterRows,
     chain_characters,
@@ -44,11 +45,8 @@ ORDER = 5
 """Highest order of the polynomial that separates a line's characters from descenders and strays."""
 SCALE = 0.12
 """Of Geman and McClure's loss in that fit."""
-MIN_LENGTH = 6.0
 DEVIATION_FLOOR = 0.02
 """Of a piece's place: what characters differ in by design."""
-ALIKE = 0.05
-"""Paragraphs whose spacing differs by less have the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,7 +174,7 @@ def trace_rows(
         line,
         points[:, 2] / grow,
         runs,
-        group_alike(spacings, ALIKE),
+        group_alike(spacings),
         [m for m in margins if len(m) > 1],
         float(np.median(rows.heights)) / px_per_unit,
     )

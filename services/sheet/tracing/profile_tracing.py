@@ -18,7 +18,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.imaging.node_grid import take_values
 from services.sheet.developable.observations import NO_LINES, LineObservations, Run
 from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
-from services.sheet.tracing.line_tracing import ALIKE, sampling_maps
+from services.sheet.tracing.line_tracing import sampling_maps
 from services.sheet.tracing.page_text import TracedText
 
 NO_RIDGE = -1
@@ -275,7 +275,7 @@ def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
         line,
         DEVIATION * h / grow,
         runs,
-        group_alike(spacings, ALIKE),
+        group_alike(spacings),
         [m for m in margins if len(m) > 1],
         float(np.median(rows.heights) / np.median(grow)),
     )

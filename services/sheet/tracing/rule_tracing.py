@@ -17,6 +17,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.node_grid import take_values
 from services.sheet.developable.observations import NO_LINES, LineObservations
+from services.sheet.tracing.baselines import MIN_LENGTH
 from services.sheet.tracing.line_tracing import sampling_maps
 from services.sheet.tracing.page_text import TracedText
 from services.sheet.tracing.profile_tracing import ProfileParameters, Ridges, link_ridges
@@ -35,7 +36,6 @@ SPACING_PX = 6.0
 """Least distance of two rules: chains may move by parts of it from one window to the next."""
 LINKS = ProfileParameters(drift=0.5, bend=0.4, gap=2, min_windows=12)
 
-MIN_LENGTH = 6.0
 DARK_SHARE = 0.85
 """Of a rule's length, that has ink: lines of letters have gaps."""
 INK = 0.4

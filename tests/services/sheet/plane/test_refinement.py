@@ -240,14 +240,12 @@ def test_lines_are_observed_in_the_photo() -> None:
 
 def test_spacings_are_alike_within_the_tolerance() -> None:
     plane = photograph_plane(POSES[0])
-    parameters = RefinementParameters(spacing_alike=1e-9)
     y = np.concatenate([100 + 29.0 * np.arange(15), 560 + 40.0 * np.arange(12)])
     starts, ends = (np.stack([np.full(27, x), y], axis=1) for x in (65.0, 735.0))
     lines = Baselines(starts, ends, np.full(27, 12.0), np.full(27, 0.1))
-    for p in (parameters, RefinementParameters()):
-        found = observe_lines(lines, plane.H_centred_page, p)
-        assert len(found.paragraphs) == 2
-        assert found.alike == []
+    found = observe_lines(lines, plane.H_centred_page, RefinementParameters())
+    assert len(found.paragraphs) == 2
+    assert found.alike == []
 
 
 @pytest.mark.parametrize("view", POSES, ids=lambda view: f"pose{view.name}")
