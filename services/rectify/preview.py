@@ -289,7 +289,7 @@ def _page_of_text(
             bent = bend_quickly(evidence, prior, plane)
             if bent is not None:
                 return ShapedPage(view, bent, seen, outline, analysis, evidence.vanishing_points)
-        pose = choose_pose(evidence, prior, seems, p.pose)
+        pose = choose_pose(evidence, prior, p.pose)
     notices = (*seen, *pose.notices) if seems == "planar" else (*seen, SEEMS_CURVED, *pose.notices)
     return ShapedPage(view, pose, notices, outline, analysis, evidence.vanishing_points)
 

@@ -56,8 +56,6 @@ START_SAMPLES = 200
 GOOD_SHARE = 0.08
 """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
 simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
-START_FOCAL_DEVIATION = 0.05
-"""Deviation of the prior in starts whose focal length stays near it."""
 MAX_TILT_RAD = np.deg2rad(80.0)
 STRIPS = 40
 """Number of strips that describe the surface in the answer."""
@@ -68,9 +66,6 @@ MAX_SIDES = 0.0025
 """RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
 0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
 ones."""
-HOPELESS_SIDES = 2.0
-"""Times `max_sides` after a round without slack, from which on no later one helps: of 33 sheets none came below
-`max_sides`."""
 MIN_VISIBLE = 0.97
 """Share of the characters that the surface must place."""
 
@@ -281,7 +276,7 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     if e.start:
         return fit_surface(e.start, observed, FittingParameters(cauchy_flows=True, max_evaluations=1))
     free = replace(observed, major=thin(e.major, START_SAMPLES), minor=thin(e.minor, START_SAMPLES))
-    held = replace(free, focal_deviation=min(prior.deviation, START_FOCAL_DEVIATION))
+    held = replace(free, focal_deviation=min(prior.deviation, FOCAL.held_deviation))
     soft = FittingParameters(max_evaluations=12)
     cauchy = replace(soft, cauchy_flows=True)
     starts = [start_surface(e.vanishing_points, prior, e.characters, skew) for skew in START_SKEWS_RAD]
@@ -322,7 +317,7 @@ def _fit_lines(
 
 def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations) -> bool:
     """Whether the sides are left so far from straight ones that no smooth sheet has them."""
-    return len(edges.points) > 0 and measure_sides(surface, edges) > HOPELESS_SIDES * MAX_SIDES
+    return len(edges.points) > 0 and measure_sides(surface, edges) > MAX_SIDES
 
 
 def implausibility(surface: DevelopableSurface, characters: Points) -> str | None:

@@ -25,8 +25,6 @@ DEVIATION = 0.06
 """Deviation of a line's point: a smaller shift is not needed."""
 SIZE = 0.6
 """Deviation of the coefficients: the field is small, or the surface is wrong."""
-HELD = 0.05
-"""Deviation of points that stay where they are."""
 MIN_POINTS = 60
 ITERATIONS = 6
 
@@ -163,7 +161,7 @@ def morph_to_lines(
     penalty[count:, count:] = np.eye(lines.count) * LEVEL_PRIOR
     if held is not None:
         rim = _field_terms(held, low, high, p)
-        penalty[:count, :count] += (rim.T @ rim).toarray() * (DEVIATION / HELD) ** 2
+        penalty[:count, :count] += (rim.T @ rim).toarray()
     usual = np.bincount(lines.index, page[:, 1], lines.count) / np.maximum(np.bincount(lines.index), 1)
     wanted = (usual[lines.index] - page[:, 1]) / height
     weight: Vector = np.ones(len(page))

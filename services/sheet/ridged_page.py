@@ -40,7 +40,6 @@ FIT_TO_FLOW = (Stage(12, 100.0, 10.0, 30.0), Stage(12, 10.0, 3.0, 3.0))
 """Schedule of a fit to the directions of the text lines, before any is traced."""
 FOCAL_STEPS = (1.25, 0.8)
 """Factors of a search over an assumed focal length, first upwards, else downwards."""
-MOST_FOCAL_STEPS = 2
 FOCAL_ENDS = 1e-2
 """Relative decrease of the cost below which a fit of this search ends: it is compared only."""
 FOCAL_GAIN = 0.97
@@ -51,8 +50,6 @@ AGAIN = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
 """Schedule of the second fit, on lines traced in the view of the first."""
 ROUNDS = 4
 """Most fits, each on lines traced again; the last ones only while lines are not straight and still improve."""
-READABLE = 0.05
-"""Line straightness (RMS, in text heights) below which a page cannot be read better."""
 IMPROVEMENT = 0.85
 """Share of the straightness before, above which another round gains nothing."""
 MIN_SEEN = 0.35
@@ -63,8 +60,6 @@ BEYOND = 0.3
 """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
 MAX_SKEW_RAD = float(np.deg2rad(2.5))
 """Largest skew of the print; above it the sides of the sheet show nothing of the lines' directions."""
-PARALLEL = 0.1
-"""Sine of the angle between two sides below which they do not meet in a corner."""
 MAX_STRETCH = 0.02
 """Largest RMS change of the edges' lengths; paper stretches less."""
 MAX_SIDE = 0.012
@@ -142,7 +137,7 @@ def complete_corners(outline: SheetOutline) -> Points | None:
             way = np.linalg.svd(points - middle)[2][0]
             lines.append(np.array([-way[1], way[0], way[1] * middle[0] - way[0] * middle[1]]))
         meeting = np.cross(lines[0], lines[1])
-        if abs(meeting[2]) < PARALLEL:
+        if meeting[2] == 0:
             return None
         corners[k] = meeting[:2] / meeting[2]
         if (corners[k] < low - reach).any() or (corners[k] > high + reach).any():
@@ -285,7 +280,7 @@ def _fit_to_lines(
         mesh = fitted.mesh
         before, straightness = straightness, measure_straightness(mesh, lines)
         gained = straightness <= IMPROVEMENT * before
-        if number and (not lines.count or straightness < READABLE or not gained):
+        if number and (not lines.count or straightness < STRAIGHT or not gained):
             break
     return mesh, lines
 
@@ -297,17 +292,12 @@ def _search_focal(fitted: FittedMesh, observed: SheetObservations, steps: tuple[
     of its start, even if another one explains the photo better.
     """
     last = replace(FIT, schedule=FIT.schedule[-1:], gain=FOCAL_ENDS)
-    best = fitted
     for step in steps:
-        for _ in range(MOST_FOCAL_STEPS):
-            tried = fit_mesh(best.mesh.deepened(step), observed, last)
-            off = abs(float(np.log(tried.mesh.focal)) - observed.log_focal)
-            if tried.cost > FOCAL_GAIN * best.cost or off > BELIEVABLE_FOCAL * observed.focal_deviation:
-                break
-            best = tried
-        if best is not fitted:
-            break
-    return best
+        tried = fit_mesh(fitted.mesh.deepened(step), observed, last)
+        off = abs(float(np.log(tried.mesh.focal)) - observed.log_focal)
+        if tried.cost <= FOCAL_GAIN * fitted.cost and off <= BELIEVABLE_FOCAL * observed.focal_deviation:
+            return tried
+    return fitted
 
 
 def _side_deviation(mesh: SheetMesh, sides: tuple[SideObservations, ...]) -> float:

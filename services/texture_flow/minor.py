@@ -47,6 +47,9 @@ FINE_FIT_RAD = np.deg2rad(2.5)
 SMOOTHING = 10.0
 MIN_EDGES = 40
 
+SHARP_TEXT_HEIGHT_PX = 22.0
+"""Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
+
 
 @dataclass(frozen=True, slots=True)
 class MinorFlowParameters:
@@ -255,3 +258,8 @@ def _share(curves: Floats, grid: tuple[int, int], sigma_blocks: float, sigma_bin
         stacked, (sigma_blocks, sigma_blocks, sigma_bins), mode="constant", truncate=3.0
     )
     return np.asarray(blurred.reshape(curves.shape))
+
+
+def blur_of_strokes(text_height_px: float) -> float:
+    """Factor on the deviation of stroke directions for characters of this size in the photo; 1 for sharp ones."""
+    return max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)

@@ -16,6 +16,7 @@ from services.mosaic.composition.patch_drawing import (
     prepare_patch,
 )
 from services.mosaic.composition.sharpness import (
+    TILE_PX,
     CellGrid,
     FloatMap,
     PatchMaps,
@@ -27,8 +28,6 @@ from services.mosaic.composition.word_votes import decide_cells, decide_words, f
 from services.mosaic.placed_photo import PlacedPhoto
 
 # Sizes of tiles and of transitions.
-TILE_PX = 768
-"""Side of a tile, mosaic pixels: maps and colours of a tile then take a few megabytes."""
 FADE = 1.5
 """Width of the transition between two photos' backgrounds, text heights."""
 

@@ -22,10 +22,11 @@ CELLS_PER_TEXT_HEIGHT = 9.0
 """A stroke is then about one cell wide, and the gap between two text lines a few cells."""
 MOST_CELLS = 3e6
 """Largest number of cells of a page; limits the memory of all maps."""
-TILE_PX = 1024
+TILE_PX = 768
 """Side of the tiles in which gradients are measured."""
-PAPER_WINDOW = 2.5
-"""Window, wider than any stroke of text, whose brightest pixels are paper."""
+WINDOW = 2.5
+"""Window, wider than any stroke of text, whose brightest pixels are paper, and over which sharpness is averaged: focus
+varies slowly and print varies fast."""
 INK_CONTRAST = 0.1
 """Least contrast of print: mean darkness of a cell relative to paper. Show-through has less."""
 INK_GRADIENT = 0.04
@@ -37,8 +38,6 @@ NOISE_FACTOR = 3.0
 """Least gradient of print relative to the gradient of bare paper."""
 LEAST_PRINT = 0.005
 """Added to the share of print in a window: with less print than this there is no comparison."""
-SHARPNESS_WINDOW = 3.0
-"""Window over which sharpness is averaged. It is wide, because focus varies slowly and print varies fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +138,8 @@ def compare_sharpness(maps: PatchMaps, ink: GrayImage, text_height: float) -> Fl
     """
     printed = ink[maps.box.within(Rectangle(0, 0, ink.shape[1], ink.shape[0]))]
     asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
-    share = _average(asked, SHARPNESS_WINDOW * text_height)
-    total = _average(maps.energy * asked[..., None], SHARPNESS_WINDOW * text_height)
+    share = _average(asked, WINDOW * text_height)
+    total = _average(maps.energy * asked[..., None], WINDOW * text_height)
     both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(LEAST_PRINT))
     return np.asarray(np.sqrt(np.sqrt(both)), np.float32)
 
@@ -170,12 +169,12 @@ def _relate_to_paper(
     if covered.size == 0:
         return PatchMaps(box, covered, gray, energy, energy[..., 0])
     shown = covered == 255
-    side = 2 * round(0.5 * PAPER_WINDOW * text_height) + 1
+    side = 2 * round(0.5 * WINDOW * text_height) + 1
     kernel = np.ones((side, side), np.uint8)
     brightest = cv2.dilate(np.where(shown, gray, 0).astype(np.uint8), kernel)
     paper = cv2.erode(np.where(shown, brightest, 255).astype(np.uint8), kernel).astype(np.float32)
     weight = shown.astype(np.float32)
-    window = PAPER_WINDOW * text_height
+    window = WINDOW * text_height
     smooth = _average(paper * weight, window) / np.maximum(_average(weight, window), 1e-3)
     smooth = np.maximum(smooth, 1.0).astype(np.float32)
     relative = gray / smooth

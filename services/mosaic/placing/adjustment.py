@@ -46,15 +46,12 @@ PRIOR_PASSES = 4
 """Passes that shrink the prior, from a hundredth to the least departure."""
 SHRINKING = 0.8
 """Passes end when the prior keeps more than this share of its width."""
-PASS_STEP_PX = 0.001
-"""Convergence of such a pass; the last solution uses the bundle's own."""
 SUSPICIOUS_WEIGHT = 0.4
 """Mean weight below which a pair is left out on trial: it is off by three standard deviations."""
 MOST_SUSPECTS = 5
 """Largest number of pairs tried in turn; a false pair affects hardly more neighbours."""
 TRIAL_STEP_PX = 0.01
-TRIAL_STEPS = 30
-"""Convergence and number of steps of a trial: a rough solution shows which pair it is."""
+"""Convergence of trials, and of passes that shrink the prior: the last solution uses the bundle's own."""
 MOST_LEFT_OUT = 3
 """Largest number of pairs left out; pairs are verified before, so false ones are rare."""
 GAIN = 0.8
@@ -148,7 +145,7 @@ def _without_contradictions(bundle: Bundle, count: int, own: Vector) -> tuple[Bu
     """
     left_out: frozenset[int] = frozenset()
     best = solve_bundle(bundle, _chain(bundle, count, left_out), own, BUNDLE, left_out)
-    roughly = replace(BUNDLE, step_px=TRIAL_STEP_PX, most_steps=TRIAL_STEPS)
+    roughly = replace(BUNDLE, step_px=TRIAL_STEP_PX)
     for _ in range(MOST_LEFT_OUT):
         suspects = [k for k in _suspects(bundle, best, SUSPICIOUS_WEIGHT) if k not in left_out]
         trials = []
@@ -183,7 +180,7 @@ def _as_frontal_as_known(
     """
     points = PRIOR_POINTS[:, 0] + 1j * PRIOR_POINTS[:, 1]
     expected, prior = np.inf, None
-    roughly = replace(BUNDLE, step_px=PASS_STEP_PX)
+    roughly = replace(BUNDLE, step_px=TRIAL_STEP_PX)
     for _ in range(PRIOR_PASSES):
         views = [ViewInWorld(points, transform_points(A, PRIOR_POINTS), 1.0) for A in solution.maps]
         agreed = agree_on_views(views, np.full(len(views), 1 / len(views)))

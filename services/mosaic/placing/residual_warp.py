@@ -29,8 +29,6 @@ HELD_OUT_CELLS = 5
 # Lengths are relative to the text height; shares are 0-1.
 NODE_SPACING = 4.0
 """Pages curve over tens of text heights, creases over a few; block matches are about two apart."""
-MOST_NODES = 24
-"""Largest number of nodes along a side."""
 MOST_NODES_IN_ALL = 3000
 """Largest number of nodes of all views, approximately; 16 photos then take a second or two."""
 REACH = 0.1
@@ -177,8 +175,7 @@ def _scale(photo: FlatPhoto, H_mosaic_flat: Homography) -> float:
 def _grids(photos: Mapping[int, FlatPhoto], H_mosaic_flat: Mapping[int, Homography]) -> dict[int, _Grid]:
     spacings = {k: max(NODE_SPACING * photos[k].text_height_px, 1.0) for k in H_mosaic_flat}
     sides = {
-        k: [int(np.clip(np.ceil(side / spacings[k]) + 1, 4, MOST_NODES)) for side in photos[k].size]
-        for k in H_mosaic_flat
+        k: [max(int(np.ceil(side / spacings[k])) + 1, 4) for side in photos[k].size] for k in H_mosaic_flat
     }
     total = sum(columns * rows for columns, rows in sides.values())
     fewer = min(1.0, float(np.sqrt(MOST_NODES_IN_ALL / total)))

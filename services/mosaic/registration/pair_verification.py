@@ -29,14 +29,13 @@ LEVELS_PER_OCTAVE = 4
 
 # Lengths are relative to the text height.
 SEARCH = 2.0
-"""Radius of the first search around the predicted place."""
+"""Radius of the first search around the predicted place, and the largest error of a prediction along other pairs, for
+each photo in between."""
 LEAST_SEARCH = 0.7
 FIRST_BLOCKS = 40
 FIRST_SHARE = 0.25
-"""Least share of found blocks among the first ones if a homography is roughly true (false: below 0.06)."""
+"""Least share of found blocks while a homography is roughly true and still moves (false: below 0.06)."""
 ROUNDS = 5
-LATER_SHARE = 0.4
-"""Least share of found blocks while the homography still moves."""
 AGREEMENT = 0.6
 """Least final share of found blocks: true pairs have 0.85-1, false ones below 0.1."""
 COARSE_LOSS = 0.25
@@ -137,11 +136,11 @@ def verify_overlap(
     view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
     loss = COARSE_LOSS * TEXT_HEIGHT_PX
     radius = (search or SEARCH) * TEXT_HEIGHT_PX
-    most, share, least = FIRST_BLOCKS, FIRST_SHARE, 3
+    most, least = FIRST_BLOCKS, 3
     for _ in range(ROUNDS):
         H_blocks = H
         found = match_blocks(view_a, view_b, H, math.ceil(radius), most, q)
-        if found.evidence < least or found.agreement < share:
+        if found.evidence < least or found.agreement < FIRST_SHARE:
             return None
         points = found.points_a[found.found]
         moved = points + found.displacements[found.found]
@@ -155,7 +154,7 @@ def verify_overlap(
         radius = min(radius, max(LEAST_SEARCH * TEXT_HEIGHT_PX, 3 * float(np.percentile(left, 90))))
         if most == MOST_BLOCKS and float(np.percentile(change, 90)) < FINE_LOSS * TEXT_HEIGHT_PX:
             break
-        most, share, least = MOST_BLOCKS, LATER_SHARE, p.found
+        most, least = MOST_BLOCKS, p.found
     if found.agreement < AGREEMENT:
         return None
     H_flat = np.linalg.inv(view_a.H_reduced_flat) @ H @ view_b.H_reduced_flat

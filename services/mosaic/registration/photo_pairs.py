@@ -23,6 +23,7 @@ from services.mosaic.registration.pair_consistency import (
 )
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.pair_verification import (
+    SEARCH,
     Overlap,
     PreparedPhoto,
     VerificationParameters,
@@ -61,8 +62,6 @@ RIVAL_VOTES = 0.25
 many blocks has nearly as many votes."""
 LEAST_OVERLAP = 0.01
 """Least predicted overlap, as a share of the smaller view, that is searched."""
-GUIDED_SEARCH = 2.5
-"""Largest error of a prediction in text heights, per photo in between."""
 GUIDED_FOUND = 5
 """Least number of found blocks of a predicted pair. It is lower, because such a pair connects no new parts."""
 LINES = 1.5
@@ -325,9 +324,7 @@ def _guided(
         if overlap_fraction(a.photo, b.photo, H) < LEAST_OVERLAP:
             continue
         turns = _quarter_turns(H, b.photo)
-        overlap = verify_overlap(
-            a, b, H, turns, GUIDED_SEARCH * between, VerificationParameters(found=GUIDED_FOUND)
-        )
+        overlap = verify_overlap(a, b, H, turns, SEARCH * between, VerificationParameters(found=GUIDED_FOUND))
         if overlap is not None:
             refined = _refined(a, b, overlap, (0, 0, 0))
             if refined is not None:
@@ -348,7 +345,7 @@ def _contradicted(
         a, b = prepared[i], prepared[j]
         if not between or overlap_fraction(a.photo, b.photo, H) < CONTRADICTING_OVERLAP:
             continue
-        if shows_otherwise(a, b, H, _quarter_turns(H, b.photo), GUIDED_SEARCH * between):
+        if shows_otherwise(a, b, H, _quarter_turns(H, b.photo), SEARCH * between):
             return True
     return False
 

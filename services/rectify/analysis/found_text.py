@@ -29,8 +29,6 @@ ENLARGED_SIDE_PX = 1000
 MOST_ENLARGEMENT = 3.0
 STROKE_TEXT_HEIGHT_PX = 20.0
 """Minor flow: above this text height, strokes gain nothing from more pixels."""
-OTHER_PAGE_SHARE = 0.02
-"""If a larger share of the characters was left out as those of another page, the flows are measured again."""
 MIN_FLOW_SAMPLES = 6
 
 

@@ -16,7 +16,6 @@ from services.imaging.photo_part import PhotoPart, cut_part
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.analysis.found_text import (
     MIN_FLOW_SAMPLES,
-    OTHER_PAGE_SHARE,
     STROKE_TEXT_HEIGHT_PX,
     AnalysisParameters,
     FoundText,
@@ -219,14 +218,13 @@ def _analyse_dark_print(
                 seen.paper,
                 is_spread=is_spread,
             )
-            left_out = 1 - found.kept.mean()
             # Most of what was left out is text, so the share of other ink is not computed again.
             if is_spread and found.facing.sum() >= FEWEST_CHARACTERS:
                 facing = replace(
                     keep_characters(text, found.facing), rejected_fraction=text.rejected_fraction
                 )
             text = replace(keep_characters(text, found.kept), rejected_fraction=text.rejected_fraction)
-        if left_out > OTHER_PAGE_SHARE:
+        if not found.kept.all():
             with clock.stage("texture_flow"):
                 flows = _measure_flows(seen, text, p)
     if len(flows[0].samples) < MIN_FLOW_SAMPLES:

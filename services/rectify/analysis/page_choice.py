@@ -28,6 +28,7 @@ from services.rectify.analysis.gutter import (
     find_gutter,
     row_gap,
 )
+from services.rectify.analysis.photo_border import NEAR_BORDER
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.text_identification import FEWEST_CHARACTERS
 
@@ -56,8 +57,6 @@ CUT_CONTRAST = 0.1
 JUMP_RAD = float(np.deg2rad(8.0))
 COLUMN_JUMP_RAD = float(np.deg2rad(30.0))
 """Unless the lines change their direction by this: bent columns show up to 24 degrees."""
-BORDER = 2.0
-"""Characters nearer to the end of the photo are cut off, or are next to some that are."""
 CUT_SHARE = 0.3
 """Of a page's lines that are cut off."""
 CUT_WORTH = 0.5
@@ -255,7 +254,7 @@ def _divides(photo: Halves, text: _Text, direction_rad: float) -> list[_Divide]:
 
 def _at_end_of_photo(side: Chosen, text: _Text) -> float:
     """Share of the lines of a page's characters that reach the end of the photo."""
-    points, reach = text.characters[side], BORDER * text.height
+    points, reach = text.characters[side], NEAR_BORDER * text.height
     last = np.array(text.size) - 1
     share = 0.0
     for axis in (0, 1):

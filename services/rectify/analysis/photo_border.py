@@ -9,13 +9,13 @@ from services.arrays import Points
 from services.sheet.outline.results import SheetOutline
 
 # When print counts as cut by the photo's border.
-NEAR = 1.5
+NEAR_BORDER = 2.0
 """In text heights."""
 CHARACTERS = 3
 """Least number of characters near the border; one may be a speck."""
 BESIDE_SHEET = 0.5
 """In text heights: print lies within the sheet's outline, or the border is a wrong outline's."""
-HUGGING = 0.04
+HUGGING = 0.05
 """A side whose median point is nearer to the border than this share of the photo's long side lies on it."""
 
 
@@ -34,7 +34,7 @@ def find_cut_borders(
 
     Without it, the grain of a desk may count as print.
     """
-    near = border_gaps(characters, width, height) < NEAR * text_height_px
+    near = border_gaps(characters, width, height) < NEAR_BORDER * text_height_px
     if sheet is not None:
         contour, reach = sheet.astype(np.float32), BESIDE_SHEET * text_height_px
         for k in np.flatnonzero(near.any(axis=1)):

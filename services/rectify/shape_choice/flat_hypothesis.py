@@ -18,6 +18,7 @@ from services.imaging.illumination import divide_by_light, reduced_light
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.analysis.photo_border import HUGGING
 from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
@@ -32,17 +33,13 @@ from services.sheet.tracing.page_lines import with_rules
 from services.texture_flow.text_identification import detect_ink
 
 # What beats the hypothesis. Perspective and bends are RMS displacements of the print as shares of the width.
-VISIBLE_PERSPECTIVE = 0.0025
-"""On 25 pages that an app has cropped it moves the print by up to 0.0022, on 9 scans by 0.0002; on photos that are
-visibly not flat by 0.003 and more."""
-VISIBLE_BEND = 0.0021
-"""On the same pages, and an old book on a scanner, up to 0.0017; on visibly bent ones 0.0025 and more."""
+VISIBLE = 0.0023
+"""On 25 pages that an app has cropped, and an old book on a scanner, perspective moves the print by up to 0.0022, a
+bend by up to 0.0017; on photos that are visibly not flat one of them does by 0.0025 and more."""
 DEVIATIONS = 4.0
 """Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
 CLEAR_FLOW = 3.0
 """If the directions of the text alone show so many times that, no line is traced."""
-FEWEST_LINES = 3
-"""Fewer lines do not show whether the photo is flat; then its ground must, and level print on it."""
 VISIBLE_TURN_RAD = float(np.deg2rad(0.5))
 """A page that is turned by less keeps its own pixels."""
 MOST_TURN_RAD = float(np.deg2rad(15.0))
@@ -51,11 +48,7 @@ WHOLE_CONFIDENCE = 0.7
 """... or this one, where all of its sides were seen nearly from end to end, ..."""
 WHOLE_SIDE = 0.9
 """... by this share: gently bent sheets on a desk have 0.79 to 0.86 and all of them. Of 54 scans and cropped pages
-52 have no outline, and those of two lie along the photo's frame ..."""
-HUGGING = 0.05
-"""... unless they all lie within this share of the photo's long side from its frame ..."""
-ALONG_AXIS = 0.007
-"""... or, on a page of a PDF, along its axes (slope): such sides are those of a picture."""
+52 have no outline, and those of two lie along the photo's frame."""
 
 
 def may_be_flat(parameters: RectifyParameters) -> bool:
@@ -86,7 +79,7 @@ def flat_page(
         # Print that is aslant on an upright page, or an upright photo of a page that lies aslant?
         return blank_flat_page(photo, outline, view, prior, is_document=is_document)
     flow = perspective_by_flow(evidence.major, evidence.characters, view, skew)
-    if flow is not None and _is_sure(flow, CLEAR_FLOW * VISIBLE_PERSPECTIVE):
+    if flow is not None and _is_sure(flow, CLEAR_FLOW * VISIBLE):
         return None
     lines = flatten_text(evidence.text, view, plane).lines
     # Rules and staff lines bend where few lines of text show it.
@@ -144,17 +137,18 @@ def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, is_document
         return False
     if not is_document:
         return True
+    # Sides along the axes of a page of a PDF are those of a picture on it.
     ways = np.roll(outline.corners, -1, axis=0) - outline.corners
     slopes = np.abs(ways).min(axis=1) / np.maximum(np.abs(ways).max(axis=1), 1e-9)
-    return not bool((slopes < ALONG_AXIS).all())
+    return not bool((slopes < VISIBLE_TURN_RAD).all())
 
 
 def is_beaten(departure: Departure) -> bool:
     """Whether the print departs from a flat photo's by more than its noise, and visibly."""
     aslant, bent = (departure.by_lines, departure.by_strokes), departure.by_bend
-    if any(_is_sure(found, VISIBLE_PERSPECTIVE) for found in aslant if found is not None):
+    if any(_is_sure(found, VISIBLE) for found in aslant if found is not None):
         return True
-    return bent is not None and _is_sure(bent, VISIBLE_BEND)
+    return bent is not None and _is_sure(bent, VISIBLE)
 
 
 def sure_departure(departure: Departure) -> float:
@@ -168,7 +162,7 @@ def sure_departure(departure: Departure) -> float:
 def _is_print(photo: Halves, evidence: PageEvidence, shape: PhotoAsPage, ground: Ground | None) -> bool:
     """Whether there is print: lines of text or level rows of any print on one ground, or rows of text on any."""
     if ground is None:
-        return shape.line_count >= FEWEST_LINES and is_level_in_view(evidence, shape)
+        return is_level_in_view(evidence, shape)
     return shape.line_count >= FEW_LINES or photo_shows_print(photo)
 
 

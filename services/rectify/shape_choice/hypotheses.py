@@ -73,7 +73,7 @@ class Hypotheses:
     @cached_property
     def plane(self) -> PlanarPage:
         """The plane that fits best. Against the sides of a rigid sheet text needs many lines."""
-        found = choose_pose(self.evidence, self.prior, self.seems, sheet=self.sheet)
+        found = choose_pose(self.evidence, self.prior, sheet=self.sheet)
         against = "outline" not in found.sources or abs(found.skew_rad) > ASLANT_RAD
         if not self.rigid or not against or found.line_count >= FEW_LINES:
             return found

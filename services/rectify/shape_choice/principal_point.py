@@ -39,6 +39,7 @@ from services.sheet.plane.pose import (
     refine_pose,
 )
 from services.sheet.plane.refinement import refine_plane
+from services.sheet.plane.straight_lines import HELD, OFF_CENTRE
 from services.sheet.shape import EXIF_CONTRADICTED, PageShape
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
@@ -47,14 +48,9 @@ Offset = tuple[float, float]
 
 
 # Costs are negative log likelihoods, as those of the fits (half the sum of squared residuals).
-OFFSET = 0.2
-"""Deviation of an offset in half diagonals; a quarter cut from one side moves the middle by 0.17."""
-HELD = 1e-4
 SMALLEST = 0.06
 LARGEST = 0.4
 """Range of accepted offsets: a smaller one does no harm, and more than half of a photo is not cut away."""
-STARTS = (-0.15, 0.15)
-"""Of a plane, whose equation has two roots."""
 TENSION = 1.8
 """A plane whose focal length is fewer deviations from what is known of it shows no cropping."""
 ONE_AXIS = 2.5
@@ -72,9 +68,6 @@ ASPECT_DEVIATION = 0.04
 UNUSUAL = 4.0
 """Cost of a focal length other than EXIF's (such photos were zoomed, or cut equally on all sides), and of an aspect
 ratio that cameras do not have."""
-USUAL_ASPECT = 1.45
-OTHER_ASPECT_DEVIATION = 0.2
-"""Of the logarithm; other aspects are rare, and long ones rarer still."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +154,7 @@ def _choose(fitting: _Fitting, e: PageEvidence, prior: FocalPrior) -> _Fit | Non
     """The hypothesis that costs least, None when that is the photo's middle."""
     view = e.view
     half = (0.5 * view.width / view.unit_px, 0.5 * view.height / view.unit_px) if prior.of_diagonal else None
-    free, held = OFFSET, HELD
+    free, held = OFF_CENTRE, HELD
     cut = find_cut_borders(e.text.characters, e.text.height_px, view.width, view.height)
     hypotheses = [((free, held), (start, 0.0), ONE_AXIS) for start in fitting.along_x]
     hypotheses += [((held, free), (0.0, start), ONE_AXIS) for start in fitting.along_y]
@@ -246,8 +239,7 @@ def aspect_cost(view: PhotoFrame, offset: Offset) -> float:
     usual = min(
         0.5 * ((aspect - float(np.log(ratio))) / ASPECT_DEVIATION) ** 2 + cost for ratio, cost in ASPECTS
     )
-    off = (aspect - float(np.log(USUAL_ASPECT))) / OTHER_ASPECT_DEVIATION
-    return min(usual, UNUSUAL + 0.5 * off**2)
+    return min(usual, UNUSUAL)
 
 
 def is_odd(view: PhotoFrame) -> bool:
@@ -271,7 +263,7 @@ def _sheet_fitting(e: PageEvidence, prior: FocalPrior, page: CurvedPage) -> _Fit
         prior.deviation,
         page.edges,
     )
-    anywhere = replace(middle, principal_point=PrincipalPointPrior((OFFSET, OFFSET)))
+    anywhere = replace(middle, principal_point=PrincipalPointPrior((OFF_CENTRE, OFF_CENTRE)))
     odd = is_odd(e.view)
     if not odd and max(free_gain(fitted.start, anywhere, parameters)) < ONE_AXIS:
         return None
@@ -305,7 +297,7 @@ def _plane_fitting(e: PageEvidence, prior: FocalPrior) -> _Fitting:
         flows = (e.major, e.minor, e.vanishing_points)
         return refine_plane(traced.plane, typical, *flows, lines, parameters).cost
 
-    return _Fitting(fit, STARTS, STARTS, other_focal=other_focal)
+    return _Fitting(fit, (-OFF_CENTRE, OFF_CENTRE), (-OFF_CENTRE, OFF_CENTRE), other_focal=other_focal)
 
 
 def _seen_from_middle(e: PageEvidence) -> PageEvidence:

@@ -4,12 +4,11 @@ The whole work fits the sheet to all directions and to the traced text lines, fr
 few directions must do; where it does not explain clearly more than a plane, it is not used.
 """
 
-from services.geometry.focal_prior import FocalPrior
+from services.geometry.focal_prior import FOCAL, FocalPrior
 from services.geometry.page_map import PageMap
 from services.rectify.shape_choice.choice import CURVED_GAIN
 from services.sheet.curved_page import (
     GOOD_SHARE,
-    START_FOCAL_DEVIATION,
     START_SKEWS_RAD,
     STRIPS,
     CurvedPage,
@@ -41,7 +40,7 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
     The focal length stays that of the `prior`: few directions of a bent page do not show it.
     """
     e = evidence
-    held = min(prior.deviation, START_FOCAL_DEVIATION)
+    held = min(prior.deviation, FOCAL.held_deviation)
     observed = PageObservations(
         thin(e.major, SAMPLES),
         thin(e.minor, SAMPLES),

@@ -22,15 +22,13 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.photo_frame import PhotoFrame
-from services.robust import cauchy_weights, robust_scale
+from services.robust import CAUCHY_WIDTH, cauchy_weights, robust_scale
 from services.sheet.developable.observations import LineObservations
-from services.sheet.plane.planarity import blur_of_strokes
 from services.texture_flow.field import FlowSamples, angle_difference
+from services.texture_flow.minor import blur_of_strokes
 
 ROUNDS = 8
 """Of reweighted least squares."""
-LOSS_SCALE = 2.0
-"""Scale of Cauchy's loss in robust deviations of the residuals."""
 BEND_TERMS = 5
 """Of each polynomial of a bend: a page of a book bends within a tenth of its width."""
 BEND_DEVIATION = 0.02
@@ -197,7 +195,7 @@ def _fit(terms: Floats, values: Vector, weights: Vector, prior: int | None = Non
     scale = np.inf
     for _ in range(ROUNDS):
         rest = weights * (values - terms @ found)
-        loss = np.ones(len(rest)) if np.isinf(scale) else cauchy_weights(rest, LOSS_SCALE * scale)
+        loss = np.ones(len(rest)) if np.isinf(scale) else cauchy_weights(rest, CAUCHY_WIDTH * scale)
         weighted = terms * (weights**2 * loss)[:, None]
         unit = 1.0 if np.isinf(scale) else scale**2
         information = terms.T @ weighted + np.diag(held * unit)

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from services.arrays import Floats, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.planar import PagePlane
-from services.sheet.plane.straight_lines import StraightLines, fit_line_plane, sheet_aspect
+from services.sheet.plane.straight_lines import HELD, StraightLines, fit_line_plane, sheet_aspect
 
 SHARES: tuple[tuple[str, float, float], ...] = (
     ("a4", 210 / 297, 0.42),
@@ -31,8 +31,6 @@ OTHER_RANGE = 2 * math.log(3.0)
 """Other sheets are up to three times as long as wide, upright or not: the range of the logarithm of their aspect."""
 NODES, REACH = 7, 3.0
 """Focal lengths at which the sides are fitted, and how far these reach, in deviations of the prior."""
-HELD = 1e-4
-"""Deviation of the logarithm of a focal length that is held."""
 STEPS = 601
 """Focal lengths to which the curves are interpolated: steps of 0.0025 in the logarithm."""
 

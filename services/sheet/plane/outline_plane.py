@@ -11,10 +11,12 @@ from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import MAX_TILT_RAD, PagePlane
 from services.geometry.sheet_aspect import SheetAspect
-from services.robust import cauchy_weights, robust_scale
+from services.robust import CAUCHY_WIDTH, cauchy_weights, robust_scale
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline, SheetSide
 from services.sheet.plane.known_formats import AspectBelief, weigh_formats
 from services.sheet.plane.straight_lines import (
+    HELD,
+    OFF_CENTRE,
     LinePlane,
     StraightLines,
     along_axes,
@@ -29,8 +31,6 @@ from services.sheet.sheet_edges import LEAST_POINTS
 
 LINE_FITS = 8
 """Reweighted fits of a side's line; the weights then change no more."""
-HELD_FOCAL = 1e-3
-"""Deviation of the logarithm of a focal length that is held."""
 SQUARE_SIZE = 0.05
 """Half the side of the square by which scales are compared, centred units: small against the perspective."""
 
@@ -44,11 +44,6 @@ BEND_SHARE = 0.5
 """Standard deviation of a side's ends from the line of a straight side, as a share of its bend."""
 CUT_RAD = 1e-3
 """A sheet's corners are right angles to 0.06 degrees (0.3 mm on A4), and lenses bend lines as much."""
-LOSS_SCALE = 3.0
-"""Scale of Cauchy's loss of the line fit, in deviations: a thumb or a dog-ear covers part of a side."""
-OFF_CENTRE = 0.15
-"""Deviation of the principal point of a photo that was cropped, in half diagonals: where a quarter of the width
-is cut from one side."""
 CROPPED_COST = 9.0
 """A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
 STRAIGHT_BEND = 0.01
@@ -163,7 +158,7 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
     weights = 1 / deviations**2
     middle, along, off = _weighted_line(points, weights)
     for _ in range(LINE_FITS):
-        scale = LOSS_SCALE * np.maximum(deviations, robust_scale(off))
+        scale = CAUCHY_WIDTH * np.maximum(deviations, robust_scale(off))
         weights = cauchy_weights(off, scale) / deviations**2
         middle, along, off = _weighted_line(points, weights)
     place = (points - middle) @ along
@@ -225,7 +220,7 @@ def _sides_of_lines(
     unseen = straight and prior.source == "assumed" and plane.log_aspect_deviation > CERTAIN_ASPECT
     if not unseen:
         return SheetSides(view, lines, plane, straight)
-    held = FocalPrior(math.log(plane.plane.focal), HELD_FOCAL, prior.source)
+    held = FocalPrior(math.log(plane.plane.focal), HELD, prior.source)
     noise = _aspect_deviation(fit_line_plane(lines, held, plane.plane), lines, held)
     belief = weigh_formats(lines, prior, plane.plane, noise)
     if belief is not None and belief.prior is not None:

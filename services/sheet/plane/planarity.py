@@ -5,17 +5,11 @@ from typing import Literal
 from services.contract.rectify import PageKind
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.sheet.evidence import PageEvidence
+from services.texture_flow.minor import blur_of_strokes
 
 # Limits of S3/S1 below which the tangent lines count as convergent, the tighter one for the major flow.
 MAJOR_LIMIT = 0.010
 MINOR_LIMIT = 0.040
-SHARP_TEXT_HEIGHT_PX = 22.0
-"""Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
-
-
-def blur_of_strokes(text_height_px: float) -> float:
-    """Factor on the deviation of stroke directions for characters of this size in the photo; 1 for sharp ones."""
-    return max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)
 
 
 def discriminate_surface(points: FlowVanishingPoints, text_height_px: float) -> Literal["planar", "curved"]:

@@ -1,7 +1,6 @@
 """Choice of the pose by the evidence: refined, closed form, or a rotation within the photo without tilt."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.refinement import RefinedPlane, joint_cost, refine_plane
 from services.sheet.plane.straight_lines import StraightLines, along_axes, side_directions
 from services.sheet.shape import EXIF_CONTRADICTED, ShapeSource
+from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO
 from services.texture_flow.field import FlowSamples, angle_difference, mean_deviation
 
 TEXT_BELIEVED = Notice(
@@ -38,12 +38,7 @@ SMALL_DEVIATION_RAD = 1e-4
 
 
 # When a pose is accepted.
-MAX_MAGNIFICATION_RATIO = 6.0
-"""Largest over smallest enlargement over the text; a page at 60 degrees just reaches it."""
 GAIN = 0.9
-CURVED_GAIN = 0.6
-"""A tilt must bring the flows' mean deviation below this share of that without tilt, and further on a
-curved page, whose vanishing points mean little."""
 MINOR_SHARE = 0.3
 """Weight of the deviation of the minor flow; that of the major flow is 1."""
 ASPECT_DEVIATION = 0.03
@@ -195,7 +190,6 @@ def sides_agree(refined: RefinedPlane, sides: StraightLines, p: PoseParameters) 
 def choose_pose(
     evidence: PageEvidence,
     prior: FocalPrior,
-    kind: Literal["planar", "curved"],
     parameters: PoseParameters | None = None,
     sheet: SheetSides | None = None,
 ) -> PlanarPage:
@@ -207,8 +201,6 @@ def choose_pose(
         Text, flows and vanishing points.
     prior
         Of the focal length.
-    kind
-        Whether the flows converge (3.2.2).
     parameters
         Limits of what is accepted.
     sheet
@@ -235,7 +227,6 @@ def choose_pose(
         sheet = None if sheet is None else sheet.under(prior)
         refined, flat, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
     plane = refined.plane
-    gain = CURVED_GAIN if kind == "curved" else GAIN
     gentle = flow_deviation(level, major, minor, MINOR_SHARE)
     trusted = agree and sheet is not None and sheet.plane is not None
     if not is_plausible(plane, characters, p):
@@ -247,7 +238,7 @@ def choose_pose(
             )
         )
     elif (
-        not trusted and flow_deviation(plane, major, minor, MINOR_SHARE) > gain * gentle + SMALL_DEVIATION_RAD
+        not trusted and flow_deviation(plane, major, minor, MINOR_SHARE) > GAIN * gentle + SMALL_DEVIATION_RAD
     ):
         plane = level
         notices.append(

@@ -20,11 +20,10 @@ from services.geometry.focal_prior import FOCAL, MAX_FOCAL, MIN_FOCAL, FocalPrio
 from services.geometry.homographies import jacobians, transform_points, translation
 from services.geometry.planar import PagePlane
 from services.geometry.vanishing_points import FlowVanishingPoints
-from services.robust import cauchy, soft_l1
+from services.robust import CAUCHY_WIDTH, cauchy, soft_l1
 from services.sheet.developable.observations import FLOW_OVERLAP, SLANT_MEAN_RAD, STROKE_OVERLAP, TILT_RAD
 from services.sheet.plane.flat_lines import (
     FLOW_FLOOR_RAD,
-    SIDE_SCALE,
     SKEW_RAD,
     STROKE_FLOOR_RAD,
     FlatObservations,
@@ -116,7 +115,7 @@ def side_residuals(
     """Residuals (N + 1,) under Cauchy's loss of the sheet's sides and of the skew."""
     off = side_directions(plane, sides, skew_rad) / sides.direction_deviations_rad
     skew = np.array([skew_rad / SKEW_RAD])
-    return np.concatenate([SIDE_SCALE * cauchy(off / SIDE_SCALE)[0], cauchy(skew)[0]])
+    return np.concatenate([CAUCHY_WIDTH * cauchy(off / CAUCHY_WIDTH)[0], cauchy(skew)[0]])
 
 
 def joint_cost(

@@ -27,8 +27,7 @@ NO_RIDGE = -1
 
 # Lengths are multiples of the text height.
 HEIGHT_PX = 10.0
-"""Text height in the flat view: what is smaller is enlarged, up to `enlargement` times the photo."""
-ENLARGEMENT = 2.0
+"""Text height in the flat view: what is smaller is enlarged."""
 WINDOW = 3.0
 """Length of a line that one profile sums up: half a word, so that no single letter decides."""
 STEP = 1.5
@@ -93,11 +92,10 @@ def flatten_darkness(
         return None
     page, J = page[known], page_map.jacobians(text[known])
     grow = float(np.sqrt(np.nanmedian(np.abs(np.linalg.det(J)))))
-    density = float(H_gray_centred[0, 0]) / grow
     low, high = np.percentile(page, 0.5, axis=0), np.percentile(page, 99.5, axis=0)
     margin = 3 * text_height * grow
     low, high = low - margin, high + margin
-    scale = min(HEIGHT_PX / (text_height * grow), ENLARGEMENT * density)
+    scale = HEIGHT_PX / (text_height * grow)
     scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every model
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)

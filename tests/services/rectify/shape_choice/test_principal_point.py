@@ -55,7 +55,7 @@ def evidence_of(crop: tuple[float, float, float]) -> tuple[PageEvidence, np.ndar
 
 def pose_of(e: PageEvidence, prior: FocalPrior) -> PlanarPage:
     """The plane under the photo's middle."""
-    return choose_pose(e, prior, "planar")
+    return choose_pose(e, prior)
 
 
 def test_a_plane_shows_how_much_was_cut_from_a_side() -> None:
