@@ -16,13 +16,13 @@ from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.line_residual import ResidualParameters, morph_to_lines
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
+from services.sheet.plane.outline_plane import LEAST_POINTS
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.shape import NoShape, ShapeSource
-from services.sheet.sheet_edges import LEAST_POINTS
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, MeshSurface
 from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.texture_flow.field import FlowSamples

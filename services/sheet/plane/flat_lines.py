@@ -13,11 +13,12 @@ from services.order_statistics import median_along
 from services.robust import robust_scale
 from services.sheet.developable.observations import MARGIN_DEVIATION, ObservationParameters
 from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
-from services.texture_flow.minor import blur_of_strokes
 
 # Standard deviations of the observations of a flat page.
 FLOW_FLOOR_RAD = np.deg2rad(0.1)
 STROKE_FLOOR_RAD = np.deg2rad(0.3)
+SHARP_TEXT_HEIGHT_PX = 18.0
+"""Below this size of characters in the photo their mean slant varies, by the square of the ratio."""
 BASELINE_FLOOR_RAD = np.deg2rad(0.03)
 SKEW_RAD = np.deg2rad(0.3)
 """Angle between print and its sheet by printers and copiers; its loss permits a larger one, since print may be
@@ -51,7 +52,7 @@ class FlatObservations:
 def for_text(text_height_px: float) -> RefinementParameters:
     """Parameters for characters of this size in the photo: the apparent slant of small, blurred type varies more."""
     p = RefinementParameters()
-    return replace(p, slant_rad=p.slant_rad * blur_of_strokes(text_height_px))
+    return replace(p, slant_rad=p.slant_rad * max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2))
 
 
 def rescale_deviations(parameters: RefinementParameters, scales: tuple[float, float]) -> RefinementParameters:

@@ -27,7 +27,6 @@ from services.sheet.plane.straight_lines import (
     start_plane,
 )
 from services.sheet.shape import NoShape
-from services.sheet.sheet_edges import LEAST_POINTS
 
 LINE_FITS = 8
 """Reweighted fits of a side's line; the weights then change no more."""
@@ -36,6 +35,8 @@ SQUARE_SIZE = 0.05
 
 
 # Which sides are used, and when their plane is accepted. Lengths are shares of the side's length.
+LEAST_POINTS = 8
+"""Of a side that counts as seen."""
 MIN_SEEN = 0.25
 """If a smaller share of a side is seen, the other sides show its direction better."""
 OVERLAP = 4.0

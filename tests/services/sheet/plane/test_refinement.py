@@ -194,7 +194,7 @@ def test_a_few_wrong_lines_do_little_harm() -> None:
 
 def test_small_type_may_lean_more() -> None:
     assert for_text(40.0) == RefinementParameters()
-    assert for_text(11.0).slant_rad == pytest.approx(4 * RefinementParameters().slant_rad)
+    assert for_text(9.0).slant_rad == pytest.approx(4 * RefinementParameters().slant_rad)
 
 
 def test_deviations_are_widened_and_never_narrowed() -> None:
