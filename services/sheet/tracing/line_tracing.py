@@ -139,44 +139,70 @@ def trace_rows(
         ends.append(traced.row)
     if not pieces:
         return NO_LINES
+    points = np.concatenate(pieces)
+    return observe_lines(
+        points[:, :2], np.concatenate(index), points[:, 2], np.array(ends), page_map, scale, offset
+    )
 
-    def in_photo(pixels: Points) -> Points:
-        return page_map.to_photo((pixels + offset) / scale)
 
-    points, line = np.concatenate(pieces), np.concatenate(index)
-    seen = in_photo(points[:, :2])
+def observe_lines(
+    pixels: Points,
+    index: NDArray[np.intp],
+    deviations_px: Vector,
+    ends: Floats,
+    page_map: PageMap,
+    scale: float,
+    offset: tuple[float, float],
+    most_groups: int | None = None,
+) -> LineObservations:
+    """Traced lines of a flat view as observations in the photo, with their paragraphs, spacings and margins.
+
+    Parameters
+    ----------
+    pixels, index, deviations_px
+        Points (N, 2) of the view, their lines (N,), two of each row, baselines first, and their deviations (N,) across.
+    ends
+        (rows, 5): left and right end of each row's baseline as (x, y, x, y), and its height, in pixels.
+    scale, offset
+        Pixel (x, y) shows the page point ((x, y) + `offset`) / `scale`.
+    most_groups
+        Largest numbers of paragraphs and of margins that are used; those with most lines are kept.
+    """
+
+    def in_photo(at: Points) -> Points:
+        return page_map.to_photo((at + offset) / scale)
+
+    seen = in_photo(pixels)
     # A map may end with the text: what is traced beyond has no place in the photo.
     known = np.isfinite(seen).all(axis=1) & np.isfinite(page_map.to_page(seen)).all(axis=1)
     J = page_map.jacobians(seen)
     known &= np.isfinite(J).all(axis=(1, 2))
     if not known.any():
         return NO_LINES
-    seen, points, line = seen[known], points[known], line[known]
-    placed = np.bincount(line, minlength=lines) > 0
-    table = np.array(ends)
-    order = np.argsort(table[:, 1] + table[:, 3])
-    table = table[order]
+    placed = np.bincount(index[known], minlength=2 * len(ends)) > 0
+    order = np.argsort(ends[:, 1] + ends[:, 3])
+    table = ends[order]
     rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
     # Even numbers are baselines; their rows were sorted for the grouping.
     paragraphs = [q for q in group_paragraphs(rows) if placed[2 * order[q.lines]].all()]
-    runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
-    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
-    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
     margins = [in_photo(rows.starts[g]) for g in find_margins(rows, "left")]
     margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
     margins = [m[np.isfinite(m).all(axis=1)] for m in margins]
-    centre = seen[np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))][None]
-    px_per_unit = scale * float(np.sqrt(np.abs(np.linalg.det(page_map.jacobians(centre)[0]))))
+    if most_groups is not None:
+        paragraphs = sorted(paragraphs, key=lambda q: -len(q.lines))[:most_groups]
+        margins = sorted(margins, key=len, reverse=True)[:most_groups]
+    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
+    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
     # Deviations are across the line in the photo: the local scale of the map converts them.
     grow = np.linalg.norm(J[known, 1], axis=1) * scale
     return LineObservations(
-        seen,
-        line,
-        points[:, 2] / grow,
-        runs,
+        seen[known],
+        index[known],
+        deviations_px[known] / grow,
+        [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs],
         group_alike(spacings),
         [m for m in margins if len(m) > 1],
-        float(np.median(rows.heights)) / px_per_unit,
+        float(np.median(rows.heights) / np.median(grow)),
     )
 
 

@@ -16,9 +16,8 @@ from services.arrays import Floats, GrayImage, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.node_grid import take_values
-from services.sheet.developable.observations import NO_LINES, LineObservations, Run
-from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
-from services.sheet.tracing.line_tracing import sampling_maps
+from services.sheet.developable.observations import NO_LINES, LineObservations
+from services.sheet.tracing.line_tracing import observe_lines, sampling_maps
 from services.sheet.tracing.page_text import TracedText
 
 NO_RIDGE = -1
@@ -244,38 +243,17 @@ def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
             pieces.append(np.stack([x, y], axis=1)[k % thin :: thin])
             index.append(np.full(len(pieces[-1]), 2 * k + edge))
         ends.append(_line_ends(flat, x, ridges.crown[members], ridges.base[members], p))
-    pixels, line = np.concatenate(pieces), np.concatenate(index)
-    seen = page_map.to_photo(flat.to_page(pixels))
-    known = np.isfinite(seen).all(axis=1) & np.isfinite(page_map.jacobians(seen)).all(axis=(1, 2))
-    if not known.any():
-        return NO_LINES
-    seen, line = seen[known], line[known]
-    placed = np.bincount(line, minlength=2 * len(chains)) > 0
-    table = np.array(ends)
-    order = np.argsort(table[:, 1] + table[:, 3])
-    table = table[order]
-    rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
-    paragraphs = [q for q in group_paragraphs(rows) if placed[2 * order[q.lines]].all()]
-    paragraphs = sorted(paragraphs, key=lambda q: -len(q.lines))[:MAX_GROUPS]
-    runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
-    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
-    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
-
-    def in_photo(at: Points) -> Points:
-        return page_map.to_photo(flat.to_page(at))
-
-    margins = [in_photo(rows.starts[g]) for g in find_margins(rows, "left")]
-    margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
-    margins = sorted((m[np.isfinite(m).all(axis=1)] for m in margins), key=len, reverse=True)[:MAX_GROUPS]
-    grow = np.linalg.norm(page_map.jacobians(seen)[:, 1], axis=1) * flat.scale
-    return LineObservations(
-        seen,
-        line,
-        DEVIATION * h / grow,
-        runs,
-        group_alike(spacings),
-        [m for m in margins if len(m) > 1],
-        float(np.median(rows.heights) / np.median(grow)),
+    pixels = np.concatenate(pieces)
+    deviations_px = np.full(len(pixels), DEVIATION * h)
+    return observe_lines(
+        pixels,
+        np.concatenate(index),
+        deviations_px,
+        np.array(ends),
+        page_map,
+        flat.scale,
+        flat.offset,
+        MAX_GROUPS,
     )
 
 
