@@ -40,6 +40,7 @@ from services.contract.answers.learning import FeedbackReport, FoundAndVerified
 from services.contract.answers.page import Warning
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, Correction, VerifiedPage
+from services.contract.page_json import PageJson
 from services.errors import InvalidOption
 
 MOST_TRIES = 32
@@ -114,6 +115,8 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
     right = next((model for model in models if model.name == verified.verified_class), None)
     shown = await _corrected(state, given, adaptation)
     warnings += await asyncio.to_thread(_new_labels, right, adaptation)
+    if not adaptation.zones:
+        warnings.append(NOTHING_LEARNED)
     draft = replace(
         _draft(given, adaptation, warnings),
         unknown_page=unknown_page,
@@ -132,6 +135,12 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
             seen=given.seen,
         )
     )
+
+
+NOTHING_LEARNED = Warning(
+    code="nothing-learned",
+    detail="The page has no zones, so no model learned from it. Send `zones` with their labels to teach it.",
+)
 
 
 async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptation) -> dict[str, Any]:
@@ -197,7 +206,7 @@ def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[War
 def _read_models(
     store: Store,
     result_id: str,
-    verified: VerifiedPage[dict[str, Any]],
+    verified: VerifiedPage[PageJson],
     undone: Mapping[str, ModelUndo],
     *,
     may_be_new: bool,

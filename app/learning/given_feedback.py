@@ -12,6 +12,7 @@ from app.state import AppState
 from models.records import RECOGNIZED, recognized
 from services.contract.answers.learning import GivenText
 from services.contract.layout_learning import Adaptation, VerifiedPage
+from services.contract.page_json import PageJson
 from services.errors import InvalidOption
 
 _MOST_NAMED = 20
@@ -32,7 +33,7 @@ class GivenFeedback:
     owner: str | None
     seen: Set[str]
     document: Mapping[str, Any]
-    verified: VerifiedPage[dict[str, Any]]
+    verified: VerifiedPage[PageJson]
     zones: list[dict[str, Any]]
     texts: list[GivenText]
 
@@ -134,7 +135,7 @@ def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[d
     ]
 
 
-def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[dict[str, Any]]:
+def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[PageJson]:
     """The page of a stored result, with the feedback applied to what the result shows; drawn zones are not in it yet.
 
     Raises

@@ -15,7 +15,7 @@ from services.contract.images import DocumentLimits
 from services.contract.layout import LayoutSettings
 from services.errors import DocumentError, InvalidOption, TooLarge
 
-LABELLED_PAGE_BODY: dict[str, Any] = {
+LABELLED_PAGE_BODY = {
     "requestBody": {
         "required": True,
         "content": {

@@ -2,7 +2,7 @@
 
 import asyncio
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
@@ -47,14 +47,14 @@ SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png":
 """What the file names of results add to that of the upload."""
 _STRING = {"schema": {"type": "string"}}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
-OTHER_CONTENT: dict[str, Any] = {
+OTHER_CONTENT = {
     "application/zip": _BINARY,
     "application/xml": _STRING,
     "image/png": _BINARY,
     "text/html": _STRING,
 }
 """Answers that are not JSON, for the OpenAPI document."""
-HEADERS: dict[str, Any] = {
+HEADERS = {
     "Document-Class": {"description": "Name of the class; absent when `class` is null.", **_STRING},
     "Document-Result": {"description": "Path of the stored result as JSON.", **_STRING},
     "Document-Scale": {

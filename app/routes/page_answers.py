@@ -34,8 +34,8 @@ from services.contract.images import (
 
 Documentation = dict[int | str, dict[str, Any]]
 
-BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
-_HEADERS: dict[str, Any] = {
+BINARY = {"schema": {"type": "string", "format": "binary"}}
+_HEADERS = {
     "Document-Rotation": {
         "description": "Clockwise degrees by which the page was turned upright.",
         "schema": {"type": "string", "enum": ["0", "90", "180", "270"]},
@@ -43,7 +43,7 @@ _HEADERS: dict[str, Any] = {
     "Document-Warnings": {"description": "Codes, separated by commas.", "schema": {"type": "string"}},
     "Server-Timing": {"description": "Milliseconds of each stage.", "schema": {"type": "string"}},
 }
-_PAGES_HEADERS: dict[str, Any] = {
+_PAGES_HEADERS = {
     "Document-Rotation": {
         "description": "Clockwise degrees by which each page was turned upright, separated by commas.",
         "schema": {"type": "string", "pattern": "^(0|90|180|270)(, (0|90|180|270))*$"},

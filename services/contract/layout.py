@@ -10,6 +10,7 @@ from services.contract.fields import FieldSetting
 from services.contract.html import HtmlElement
 from services.contract.images import DocumentLimits
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
+from services.contract.page_json import PageJson
 
 LayoutFormat = Literal["json", "pagexml", "alto", "png", "html"]
 
@@ -109,8 +110,8 @@ class KeptResult:
     the settings of the class name.
     """
 
-    document: dict[str, Any]
-    page: dict[str, Any]
+    document: Mapping[str, Any]
+    page: PageJson
     name: str
     picture: bytes = b""
     elements: Mapping[str, HtmlElement] = field(default_factory=dict)
@@ -137,7 +138,7 @@ class LayoutReply:
     body: bytes
     media_type: str
     answer: LayoutResult
-    page: dict[str, object]
+    page: PageJson
     picture: bytes = b""
     drawn: DrawnPage | None = None
 
@@ -147,7 +148,7 @@ class DocumentPage:
     """One page of a document: its answer without the id, the page with all measurements, and its picture."""
 
     answer: LayoutResult
-    page: dict[str, object]
+    page: PageJson
     picture: bytes = b""
 
 

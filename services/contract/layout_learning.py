@@ -6,6 +6,7 @@ from typing import Any, Final, Generic, Literal, TypeVar
 
 from services.contract.answers.learning import GivenText, LabellingCosts, Round, WrongLabel
 from services.contract.fields import FieldSetting
+from services.contract.page_json import PageJson, SampleJson
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """Algorithms by which a model learns from a verified page; `services.layout.learning.learners` implements them."""
@@ -80,7 +81,7 @@ class Adaptation:
     documents: dict[str, dict[str, Any]]
     wrong: list[WrongLabel]
     costs: list[LabellingCosts]
-    sample: dict[str, Any]
+    sample: SampleJson
     zones: int
 
 
@@ -91,7 +92,7 @@ class RevisedPage:
     `texts` are those that the person gave.
     """
 
-    page: dict[str, Any]
+    page: PageJson
     zones: list[dict[str, Any]]
     texts: list[GivenText]
 

@@ -1,10 +1,10 @@
 """Input and output of operations on layout models: initialization, comparison, proposals."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from services.contract.answers.learning import Change
 from services.contract.answers.page import Warning
+from services.contract.page_json import SampleJson
 
 MOST_COMPARED_SAMPLES = 24
 """Largest number of samples of a class that proposals read, the newest ones; more do not change the mean costs and
@@ -19,7 +19,7 @@ second of a day), so that samples and versions say by which one they were measur
 class MeasuredSample:
     """A labelled page in its stored form, and warnings about its file of zones."""
 
-    document: dict[str, object]
+    document: SampleJson
     warnings: list[Warning]
 
 
@@ -44,4 +44,4 @@ class PageDocument:
     """A stored page (an unknown page or a sample): its id and its document."""
 
     id: str
-    document: dict[str, Any]
+    document: SampleJson

@@ -51,7 +51,8 @@ def render_kept_page(kept: KeptPage, wish: PageWish, encoding: Encoding) -> tupl
     timings_ms: dict[str, float] = {}
     bundle = open_bundle(kept.bundle)
     if wish.corners is not None:
-        kept = analyse_again(kept, bundle, wish)
+        with timed("analysis", timings_ms):
+            kept = analyse_again(kept, bundle, wish)
         page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms)
         changed = RenderedPage(kept.document, kept.bundle)
     else:

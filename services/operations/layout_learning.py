@@ -11,6 +11,7 @@ from services.contract.answers.learning import GivenText, LabellingCosts, WrongL
 from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDraft
+from services.contract.page_json import PageJson, SampleJson
 from services.errors import InvalidOption
 from services.layout.content.content_features import content_features
 from services.layout.exchange.page_json import page_from_document, page_to_document
@@ -30,7 +31,7 @@ from services.progress import report_progress
 
 
 def adapt_models(
-    verified: VerifiedPage[dict[str, Any]], models: Sequence[ModelDocument], settings: LayoutSettings
+    verified: VerifiedPage[PageJson], models: Sequence[ModelDocument], settings: LayoutSettings
 ) -> Adaptation:
     """The models of the found and of the verified class, adapted to a verified page.
 
@@ -85,7 +86,7 @@ def adapt_models(
     )
 
 
-def _sample(verified: Page, found: Page | None) -> dict[str, object]:
+def _sample(verified: Page, found: Page | None) -> SampleJson:
     """The stored form of a verified page, with the found zones as its second view where a person drew others."""
     document = sample_document(verified)
     if found is not None:
@@ -94,7 +95,7 @@ def _sample(verified: Page, found: Page | None) -> dict[str, object]:
 
 
 def train_model(
-    model: ModelDocument, samples: Sequence[dict[str, Any]], rounds: int, settings: LayoutSettings
+    model: ModelDocument, samples: Sequence[SampleJson], rounds: int, settings: LayoutSettings
 ) -> tuple[ModelDraft, TrainingReport]:
     """The model after at most `rounds` rounds over its samples, and the errors of each round.
 
@@ -119,7 +120,7 @@ def train_model(
     return draft_of(trained), report
 
 
-def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
+def revise_page(page: PageJson, zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
     """The page of a stored result with the zones or texts of a person.
 
     Parameters
