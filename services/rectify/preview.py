@@ -36,7 +36,7 @@ from services.rectify.shape_choice.quick_bend import bend_quickly
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import planar_page
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.framing import find_border, frame_shape
+from services.rectify.view.paper_end import find_paper_end
 from services.rectify.view.paper_fit import fit_to_paper
 from services.rectify.view.print_kept import grow_to_print, kept_print, share_kept, sheet_print
 from services.rectify.view.sheet_cut import cut_to_outline
@@ -168,10 +168,11 @@ def preview_page(
             halves, text, view, prior, outline, parameters, clock, p, is_document=is_document
         )
     with clock.stage("framing"):
-        frame = frame_shape(page, find_border(page, parameters.crop), parameters.crop)
-        if parameters.crop == "sheet" and page.outline is not None:
-            frame, _ = cut_to_outline(frame, page.outline, page.characters)
         boxes = sheet_print(page)
+        end = find_paper_end(page, parameters.crop, boxes)
+        frame = page.frame(end.reach, parameters.crop)
+        if parameters.crop == "sheet" and page.outline is not None:
+            frame, _ = cut_to_outline(frame, page.outline, page.characters, believed=end.believed)
         frame = grow_to_print(frame, boxes, page.text_height_px)
         kept = share_kept(boxes, kept_print(frame, boxes))
         stretch = None

@@ -33,18 +33,6 @@ def crop_to_gutter(frame: Frame, analysis: PageAnalysis) -> Frame:
     return crop_frame(frame, SheetEdges(left=min(gutter, float(low[0]) - margin)))
 
 
-def within_gutter(outline: Points, analysis: PageAnalysis) -> Points:
-    """`outline` (N, 2) in the photo with what lies beyond the gutter, if there is one, drawn back to it."""
-    if analysis.gutter is None:
-        return outline
-    middle = analysis.gutter.mean(axis=0)
-    way = np.linalg.svd(analysis.gutter - middle)[2][0]
-    across = np.array([-way[1], way[0]])
-    side = np.sign(np.median((analysis.characters - middle) @ across))
-    beyond = np.minimum(side * ((outline - middle) @ across), 0.0)
-    return np.asarray(outline - side * beyond[:, None] * across)
-
-
 def _dense(line: Points, count: int = 400) -> Points:
     """`line` (N, 2) with more points between its own."""
     steps = np.linspace(0, len(line) - 1, count)

@@ -13,7 +13,7 @@ from services.geometry.homographies import from_resized, translation
 from services.geometry.page_frame import Frame
 from services.notices import Notice
 from services.rectify.shape_choice.shaped_page import ShapedPage
-from services.sheet.outline.results import CERTAIN_CONFIDENCE, LEAST_CONFIDENCE
+from services.sheet.outline.results import CERTAIN_CONFIDENCE
 
 PRINT_CUT = Notice(
     "print-cut",
@@ -73,7 +73,7 @@ def _on_sheet(page: ShapedPage, characters: Points, p: PrintParameters) -> Mask:
     group = connected_components(graph, directed=False)[1]
     number = np.bincount(group)
     kept = number >= p.word
-    if page.outline is not None and page.outline.confidence >= LEAST_CONFIDENCE:
+    if page.outline is not None:
         inside = page.outline.holds(characters)
         if page.outline.confidence >= CERTAIN_CONFIDENCE or inside.mean() >= p.least_inside:
             kept &= np.bincount(group, inside) >= p.share_inside * number
@@ -122,16 +122,14 @@ def _text_scale(frame: Frame, boxes: Floats, p: PrintParameters) -> float:
     return float(np.median(known)) if len(known) else 0.0
 
 
-def kept_print(frame: Frame, boxes: Floats, *drawn: Points | None) -> Mask:
-    """Which `boxes` (N, 4, 2), photo pixels, lie in the view, and within all polygons (M, 2) outside of which it is
-    white."""
+def kept_print(frame: Frame, boxes: Floats, paper: Points | None = None) -> Mask:
+    """Which `boxes` (N, 4, 2), photo pixels, lie in the view, and in `paper` (M, 2), outside of which it is white."""
     at, near = _near_border(frame, boxes)
     kept = ~near
     with np.errstate(invalid="ignore"):
         kept[near] = ((at >= -1.0) & (at <= [frame.width, frame.height])).all(axis=(1, 2))
-    for polygon in drawn:
-        if polygon is not None:
-            kept &= _within(polygon, boxes.mean(axis=1))
+    if paper is not None:
+        kept &= _within(paper, boxes.mean(axis=1))
     return np.asarray(kept)
 
 

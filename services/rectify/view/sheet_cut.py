@@ -11,9 +11,11 @@ from services.imaging.channels import luminance
 from services.imaging.ground import sides_reached
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.drawing import draw_flat_view
-from services.rectify.view.edge_cropping import LONG_SIDE_PX, crop_frame, shown_pixels
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
+from services.rectify.view.edge_cropping import LONG_SIDE_PX, crop_frame, crop_to_gutter, shown_pixels
+from services.rectify.view.paper_end import PaperEnd
+from services.sheet.outline.results import SheetOutline
 
 SIDES = ("left", "top", "right", "bottom")
 
@@ -27,18 +29,12 @@ FEWEST_POINTS = 8
 class SheetCutParameters:
     """When a side of the outline is accepted, and how much blank ground is kept."""
 
-    certain_confidence: float = 0.97
-    """Confidence of the outline from which on nearly none is wrong."""
-    white_confidence: float = 0.8
-    """Confidence of the outline from which on everything outside of it is drawn white."""
     min_seen: float = 0.4
     """Share of a side on which its edge is seen."""
     max_slope: float = 0.2
     """Of a side in the flat view: a larger slope is not that of a side of this page."""
     inner_percentile: float = 85.0
     """Of a side's points, counted from outside: where a side that is not quite straight is cut."""
-    min_text_share: float = 0.97
-    """Least share of the characters inside the outline; with fewer it is not that of this sheet."""
     max_text_share: float = 0.005
     """Largest share of the characters outside of a side of their sheet."""
     blank_margin: float = 0.12
@@ -57,20 +53,29 @@ class SheetCutParameters:
     """Within a text height of a row or column of the reduced view; fewer are specks."""
 
 
-def cut_to_outline(frame: Frame, outline: SheetOutline, characters: Points) -> tuple[Frame, frozenset[str]]:
+def cut_view(photo: RgbImage, frame: Frame, page: ShapedPage, end: PaperEnd) -> Frame:
+    """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground."""
+    if page.analysis is not None and page.shape.ends_at_sides:
+        return frame
+    known: frozenset[str] = frozenset()
+    if page.outline is not None:
+        frame, known = cut_to_outline(frame, page.outline, page.characters, believed=end.believed)
+    if page.analysis is None:
+        return frame
+    return cut_to_page(photo, crop_to_gutter(frame, page.analysis), page.analysis, known, whole=end.whole)
+
+
+def cut_to_outline(
+    frame: Frame, outline: SheetOutline, characters: Points, *, believed: bool
+) -> tuple[Frame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
-    `characters` (N, 2), photo pixels, must be inside; a side that would cut text off is not used.
+    A side that would cut off `characters` (N, 2), photo pixels, is not used; outside of a `believed` outline they are
+    specks of a desk.
     """
     p = SheetCutParameters()
-    if outline.confidence < LEAST_CONFIDENCE:
-        return frame, frozenset()
-    if outline.confidence >= p.certain_confidence:
-        on_sheet = outline.holds(characters)
-        if len(on_sheet) and on_sheet.mean() < p.min_text_share:
-            return frame, frozenset()
-        # Outside of a certain sheet, "print" is specks of a desk; an uncertain outline may be a frame on the page.
-        characters = characters[on_sheet]
+    if believed:
+        characters = characters[outline.holds(characters)]
     text = frame.to_flat(characters)
     text = text[np.isfinite(text).all(axis=1)]
     border = frame.to_flat(outline.polygon)
@@ -197,14 +202,3 @@ def restore_detail(frame: Frame, photo_pixels: int, characters: Points, text_hei
     room = np.sqrt(pixels / (frame.width * frame.height))
     growth = min(growth, float(room), f.longest_side_px / max(frame.width, frame.height))
     return resize_frame(frame, growth) if growth > f.least_growth else frame
-
-
-def paper_in_photo(outline: SheetOutline, characters: Points) -> Points | None:
-    """The outline's polygon (M, 2), photo pixels, beyond which the view is white; None where it is not certain."""
-    p = SheetCutParameters()
-    if outline.confidence < p.white_confidence:
-        return None
-    on_sheet = outline.holds(characters)
-    if len(on_sheet) and on_sheet.mean() < p.min_text_share:
-        return None
-    return outline.polygon

@@ -31,7 +31,7 @@ from services.sheet.outline.edges import (
 )
 from services.sheet.outline.print_place import place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
-from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.results import CERTAIN_CONFIDENCE, LEAST_CONFIDENCE, SheetOutline, SheetSide
 from services.sheet.outline.scoring import rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
 
@@ -53,11 +53,7 @@ class OutlineParameters:
     """Candidates with a lower rating are not measured, ..."""
     most_cut: float = 1.0
     """... nor are those of which the photo cuts off a larger share."""
-    certain: float = 0.95
-    """An outline with this confidence needs no second candidate."""
     side_points: int = 60
-    least_confidence: float = 0.4
-    """Less certain outlines are not returned."""
 
 
 def find_outline(
@@ -105,9 +101,9 @@ def find_outline(
         outline = measure_candidate(halves.image, reduced, medium, candidate, p)
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline
-        if best is not None and best.confidence >= p.certain:
+        if best is not None and best.confidence >= CERTAIN_CONFIDENCE:
             break
-    if best is None or best.confidence < p.least_confidence:
+    if best is None or best.confidence < LEAST_CONFIDENCE:
         return None
     return end_before_cut_corners(best)
 

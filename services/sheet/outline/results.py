@@ -8,9 +8,9 @@ import numpy as np
 from services.arrays import Mask, Points, Vector
 
 LEAST_CONFIDENCE = 0.5
-"""Sides of outlines of less confidence are more often wrong than right: they are not used."""
+"""Outlines of less confidence are more often wrong than right: they are not returned."""
 CERTAIN_CONFIDENCE = 0.95
-"""Confidence from which on 99 % of the outlines are right."""
+"""Confidence from which on 99 % of the outlines are right: no second candidate is measured then."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

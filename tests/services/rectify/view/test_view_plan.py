@@ -46,10 +46,10 @@ def test_a_kept_plan_draws_what_the_page_draws(frame: Frame, turn: int) -> None:
     photo = np.ascontiguousarray(np.kron(photo, np.ones((8, 8, 1), np.uint8)))
     paper = np.array([[30.0, 40.0], [280.0, 50.0], [270.0, 300.0], [40.0, 290.0]])
     text = np.array([[100.0, 120.0], [200.0, 180.0], [5000.0, 10.0]])
-    view = plan_view(frame, None, paper, text)
+    view = plan_view(frame, paper, text)
     kept = unpack_plan(ViewPlan({"sheet": view, "text": view}).packed).views["text"]
-    drawn = draw_flat_view(photo, turn_frame(frame, turn, mirrored=False), None, paper)
-    again = draw_flat_view(photo, turn_frame(kept.frame, turn, mirrored=False), None, kept.paper)
+    drawn = draw_flat_view(photo, turn_frame(frame, turn, mirrored=False), paper)
+    again = draw_flat_view(photo, turn_frame(kept.frame, turn, mirrored=False), kept.paper)
     assert drawn.shape == again.shape
     assert np.abs(drawn.astype(int) - again).mean() < 2.0
     assert kept.characters is not None
