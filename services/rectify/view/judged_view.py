@@ -9,7 +9,7 @@ import numpy as np
 
 from services.arrays import Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
-from services.geometry.page_frame import Frame
+from services.geometry.page_frame import Frame, restore_detail
 from services.notices import Notice
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
@@ -22,7 +22,7 @@ from services.rectify.view.print_kept import (
     share_kept,
     sheet_print,
 )
-from services.rectify.view.sheet_cut import cut_view, restore_detail
+from services.rectify.view.sheet_cut import cut_view
 
 CLEARLY_FLATTER = 0.7
 """The next shape is taken where its error is below this share of the first one's."""

@@ -15,10 +15,8 @@ from services.contract.rectify import Crop
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.print_kept import hides_print
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 
-BELIEVED_CONFIDENCE = 0.8
-"""Confidence of an outline from which on the paper ends there; below it, its sides cut where they cut no text."""
 LEAST_HELD = 0.97
 """Share of the characters that the paper holds, or it is not that of this page."""
 LEAST_FILLED = 0.96

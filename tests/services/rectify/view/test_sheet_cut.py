@@ -6,7 +6,7 @@ import pytest
 
 from services.arrays import Floats, Points, RgbImage
 from services.geometry.homographies import transform_points
-from services.geometry.page_frame import resize_frame
+from services.geometry.page_frame import resize_frame, restore_detail
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.view.drawing import whiten_beyond
@@ -14,7 +14,6 @@ from services.rectify.view.sheet_cut import (
     blank_ground,
     cut_to_outline,
     cut_to_page,
-    restore_detail,
 )
 from services.sheet.framing import CurvedFrame
 from services.sheet.plane.framing import FlatFrame, frame_page
