@@ -16,7 +16,6 @@ from services.sheet.outline.candidates import (
 )
 from services.sheet.outline.corners import (
     Corners,
-    end_at_corners,
     guide_sides,
     locate_corners,
     meet_sides,
@@ -45,8 +44,6 @@ class OutlineParameters:
     """Whether curves near the best candidate are searched too: a fifth of the time, for sheets whose parts differ."""
     tried: int = 7
     """Candidates that are measured in the photo, until one is certain: they are better evidence than ratings."""
-    alike: float = 1e-3
-    """Candidates whose ratings differ less are one curve found twice."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
     least_rating: float = 0.0
@@ -89,9 +86,8 @@ def find_outline(
     if p.improved:
         candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
     candidates.sort(key=lambda c: c.rating, reverse=True)
-    distinct = [
-        c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating - c.rating > p.alike
-    ]
+    # One curve is often found twice.
+    distinct = [c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating != c.rating]
     sought = [c for c in distinct[: p.tried] if c.rating >= p.least_rating and c.cut <= p.most_cut]
     if not sought:
         return None
@@ -143,8 +139,6 @@ def measure_candidate(
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)
-    located = meet_sides(measured, known)
-    measured = [end_at_corners(m, located[k], located[(k + 1) % 4]) for k, m in enumerate(measured)]
     located = meet_sides(measured, known)
     sides = [_side(m, p) for m in measured]
     pieces = []
