@@ -51,7 +51,7 @@ def find_paper_end(page: ShapedPage, crop: Crop, boxes: Floats) -> PaperEnd:
         return PaperEnd(outline.polygon if analysis is None and outline is not None else None)
     if page.ground is not None:
         found = PaperEnd(None, page.ground.outline, True)
-    elif outline is not None and _is_believed(outline, page):
+    elif outline is not None and is_believed(outline, page.characters):
         found = PaperEnd(outline.polygon, outline.polygon, True, True)
     elif analysis is None:
         found = PaperEnd(None if outline is None else outline.polygon)
@@ -66,11 +66,11 @@ def find_paper_end(page: ShapedPage, crop: Crop, boxes: Floats) -> PaperEnd:
     return found
 
 
-def _is_believed(outline: SheetOutline, page: ShapedPage) -> bool:
-    """Whether the paper ends at the `outline`: it is right, and that of the sheet that holds the text."""
+def is_believed(outline: SheetOutline, characters: Points) -> bool:
+    """Whether the paper ends at the `outline`: it is right, and that of the sheet of the `characters` (N, 2)."""
     if outline.confidence < BELIEVED_CONFIDENCE:
         return False
-    on_sheet = outline.holds(page.characters)
+    on_sheet = outline.holds(characters)
     return not len(on_sheet) or float(on_sheet.mean()) >= LEAST_HELD
 
 
