@@ -32,8 +32,6 @@ class FramingParameters:
     """Pixels of a view that are always allowed."""
     longest_side_px: float = 20000.0
     """Longest side of a view; OpenCV remaps no more than 32767 pixels."""
-    min_characters: int = 30
-    """With fewer, the whole sheet decides the resolution."""
     max_sheet_reach: float = 8.0
     """The same when it is: a bound for what cannot be a sheet."""
 

@@ -76,7 +76,6 @@ class OrientationParameters:
     least_sure_confidence: float = 6.0
     """Of these scripts, for which other print is not taken, mirrored or not. Eight photos of a Chinese page were all
     right, at 7.8 to 11.2. And of a direction that the lines' readings found as well."""
-    detection_long_side_px: int = 1600
     crop_height_px: int = 36
 
 
@@ -143,7 +142,7 @@ def _ask_engine(
 
     `plain` is what the lines' readings say if mirrored ways are left out: less confidence is enough for the same.
     """
-    factor = min(1.0, parameters.detection_long_side_px / max(flat.shape))
+    factor = min(1.0, READING_LONG_SIDE_PX / max(flat.shape))
     direction = ocr.detect_direction(flatten_illumination(reduce_image(flat, factor)))
     if direction is None:
         return found
