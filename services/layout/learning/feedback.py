@@ -1,8 +1,10 @@
 """Learning from a verified page: the models of the right and of the wrong class adapt (5.2, 5.5)."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from services.contract.answers.learning import CostChange
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner, VerifiedPage
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
@@ -32,17 +34,6 @@ class LabelsMissing(ValueError):
     def __init__(self, zone: str) -> None:
         super().__init__(zone)
         self.zone = zone
-
-
-@dataclass(frozen=True, slots=True)
-class CostChange:
-    """Cost of one labelling under a model before and after learning, including the bias of its class for all zones.
-
-    None: the model does not have all labels of the labelling.
-    """
-
-    before: float | None
-    after: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,17 +183,20 @@ def _changes(
 ) -> tuple[CostChange, CostChange]:
     """Cost changes of the found and of the verified labelling."""
     of_found, of_verified = (
-        CostChange(_cost(graph, before, labels), _cost(graph, after, labels)) for labels in (found, verified)
+        CostChange(before=_cost(graph, before, labels), after=_cost(graph, after, labels))
+        for labels in (found, verified)
     )
     return of_found, of_verified
 
 
 def _cost(graph: LayoutGraph, model: _CalibratedModel, labels: Labels) -> float | None:
+    """None where the model lacks a label, or for no finite cost."""
     compiled = model.model
     if not set(labels) <= set(compiled.labels):
         return None
     cost = sum(labelling_cost(graph, compiled, label_indices(labels, compiled.labels), compiled.scales))
-    return cost + model.calibration.bias * graph.zones
+    cost += model.calibration.bias * graph.zones
+    return round(cost, 4) if math.isfinite(cost) else None
 
 
 def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:
