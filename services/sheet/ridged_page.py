@@ -15,8 +15,7 @@ from services.notices import Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.line_residual import ResidualParameters, morph_to_lines
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
-from services.sheet.plane.outline_plane import LEAST_POINTS
+from services.sheet.outline.results import LEAST_POINTS, SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
@@ -206,7 +205,7 @@ def estimate_ridged_page(
         Minor and major flow in centred coordinates.
     """
     whole = complete_corners(outline)
-    if outline.confidence < LEAST_CONFIDENCE or whole is None:
+    if whole is None:
         return NoShape("the sheet's outline is not seen clearly")
     if min(side.seen for side in outline.sides) < MIN_SEEN:
         return NoShape("a side of the sheet is not seen")

@@ -21,6 +21,9 @@ from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.results import Orientation
 from services.rectify.view.drawing import draw_gray_view
 
+READING_LONG_SIDE_PX = 1600
+"""Long side of the photo in which a few words are read, where its text was not found."""
+
 # When more lines are read, and when an orientation is accepted.
 #
 # Scores are length-weighted word confidences, 0-1: print reads at 0.8-0.96 the right way and at 0.1-0.5
@@ -130,7 +133,7 @@ def _ask_engine(
 
     `plain` is what the lines' readings say if mirrored ways are left out: less confidence is enough for the same.
     """
-    factor = min(1.0, AnalysisParameters().long_side_px / max(flat.shape))
+    factor = min(1.0, READING_LONG_SIDE_PX / max(flat.shape))
     direction = ocr.detect_direction(flatten_illumination(reduce_image(flat, factor)))
     if direction is None:
         return found

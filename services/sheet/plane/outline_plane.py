@@ -12,7 +12,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import MAX_TILT_RAD, PagePlane
 from services.geometry.sheet_aspect import SheetAspect
 from services.robust import CAUCHY_WIDTH, cauchy_weights, robust_scale
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline, SheetSide
+from services.sheet.outline.results import LEAST_POINTS, SheetOutline, SheetSide
 from services.sheet.plane.known_formats import AspectBelief, weigh_formats
 from services.sheet.plane.straight_lines import (
     HELD,
@@ -35,7 +35,6 @@ SQUARE_SIZE = 0.05
 
 
 # Which sides are used, and when their plane is accepted. Lengths are shares of the side's length.
-LEAST_POINTS = 8
 """Of a side that counts as seen."""
 MIN_SEEN = 0.25
 """If a smaller share of a side is seen, the other sides show its direction better."""
@@ -196,7 +195,7 @@ def read_sides(
     sides, the focal length is the prior's. The sheet is not turned: its top side is at the top of the photo.
     """
     p = parameters or OutlinePlaneParameters()
-    if outline is None or outline.confidence < LEAST_CONFIDENCE:
+    if outline is None:
         return None
     lines = side_lines(outline, view, p)
     if len(lines) == 0:

