@@ -35,7 +35,6 @@ SQUARE_SIZE = 0.05
 
 
 # Which sides are used, and when their plane is accepted. Lengths are shares of the side's length.
-"""Of a side that counts as seen."""
 MIN_SEEN = 0.25
 """If a smaller share of a side is seen, the other sides show its direction better."""
 OVERLAP = 4.0
