@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 from services.layout.segmentation.ink import InkComponents
 
 LEAST_GLYPH = 0.4
-"""Heights of what makes lines, in units: from small print's x-height ..."""
+"""Least height of what makes lines, in units: small print's x-height."""
 _LARGEST_GLYPH = 6.0
-"""... to a large heading's capitals."""
+"""Largest one: a large heading's capitals."""
 _RULE_ASPECT = 9.0
 """Least ratio of a rule's length to its thickness."""
 _RULE_THICKNESS = 0.5
 """Rules are thinner than this, in units."""
-_HAIRLINE = 0.04
-"""Strokes finer than this times their height draw no letters but of the smallest print."""
 
 
 Boxes = NDArray[np.float64]
@@ -49,8 +47,6 @@ def classify_components(components: InkComponents, unit: float, slope: float) ->
     glyphs &= ~rules & (height < 12 * width) & (width < 60 * height)
     solid = area > 0.85 * width * height
     glyphs &= ~(solid & (height > 2.0 * unit) & (width > 2.0 * unit))
-    # Frames and circles of drawings: no letters of that size have strokes so fine.
-    glyphs &= ~((components.stroke < _HAIRLINE * height) & (height > 1.6 * unit))
     large = ~rules & ~glyphs & (length > unit)
     return Kinds(glyphs, rules, large)
 

@@ -15,10 +15,8 @@ _ENTRY_GAP = 4.5
 """Values begin at most this far behind the longest label."""
 _ENTRY_TAB = 9.0
 """The same where the labels have colons: an inch in print of 8 points."""
-_LINES_PER_ENTRY = 1.9
-"""Largest mean number of lines of the values ..."""
-_LINES_PER_SURE_ENTRY = 4.0
-"""... of labels with colons, as where a memo has many receivers, ..."""
+_LINES_PER_ENTRY = 4.0
+"""Largest mean number of lines of the values: a memo may have many receivers."""
 LIST_REACH = 12.0
 """Largest distance of neighbouring entries of one list."""
 
@@ -63,16 +61,13 @@ def find_entries(lines: Sequence[Line], texts: Sequence[str]) -> tuple[list[tupl
         whole &= np.abs(baseline - baseline[label]) < LIST_REACH * em[label]
         if len(others) < 2 and not (colon[label] and np.any(whole)):
             continue
-        sure = bool(np.mean(colon[others]) > 0.5)
-        entry_gap, most_lines = _ENTRY_GAP, _LINES_PER_ENTRY
-        if sure:
-            entry_gap, most_lines = _ENTRY_TAB, _LINES_PER_SURE_ENTRY
+        entry_gap = _ENTRY_TAB if np.mean(colon[others]) > 0.5 else _ENTRY_GAP
         # The text next to notes in a margin has many more lines.
         between = (baseline > np.min(baseline[others]) - em[label]) & (
             baseline < np.max(baseline[others]) + em[label]
         )
         column = between & (np.abs(x0 - x0[value[label]]) < slack)
-        if np.count_nonzero(column) > most_lines * len(others):
+        if np.count_nonzero(column) > _LINES_PER_ENTRY * len(others):
             continue
         if np.median((x1 - x0)[value[others]]) > WIDEST_VALUE * em[label]:
             continue

@@ -13,8 +13,8 @@ from services.layout.segmentation.inner_print import SCRAP_COMPONENTS
 from services.layout.segmentation.non_text import Part
 from services.layout.segmentation.text_lines import Line, group_linked
 
-_SCRAP_GAP = (0.6, 0.5)
-"""... and belongs to the next piece if both, enlarged by this across and down in units, meet."""
+_SCRAP_GAP = 1.0
+"""Scraps belong together where the boxes are nearer, in units."""
 _TRIMMED_SHARE = 0.5
 """A figure whose upper part crosses a line of print begins below it, if this share of its height is left."""
 _LARGEST_SCRAP = 40.0
@@ -105,8 +105,7 @@ def trim_figures(zones: Sequence[Zone]) -> list[Zone]:
 
 def _near_groups(boxes: Boxes, is_text: NDArray[np.bool_], unit: float) -> Indices:
     """Groups (N,) of boxes that meet when they are grown; text meets what is none, never other text."""
-    across, down = _SCRAP_GAP
-    grown = boxes + unit * np.array([-across, -down, across, down])
+    grown = boxes + _SCRAP_GAP * unit * np.array([-0.5, -0.5, 0.5, 0.5])
     i, j = near_pairs(grown[:, 0], grown[:, 2])
     meet = (grown[i, 1] < grown[j, 3]) & (grown[j, 1] < grown[i, 3]) & ~(is_text[i] & is_text[j])
     return group_linked(len(boxes), i[meet], j[meet])

@@ -7,29 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices, members_of
-from services.layout.segmentation.monospace import GUTTER_REACH, cell_widths
-from services.layout.segmentation.typical_print import EDGE_SLACK, LEAST_SPACE
+from services.layout.segmentation.monospace import cell_widths
+from services.layout.segmentation.typical_print import EDGE_SLACK, LEAST_SPACE, ROW_REACH
 from services.order_statistics import median, quantile
 
 WIDEST_GAP = 3.0
 """Wider gaps always end a line; three spaces of a typewriter are 2.3."""
 _WIDE_GAP = 0.7
 """Narrower gaps never end a line: spaces of justified print are 0.2 to 0.7."""
-_LONE_GAP = 1.6
-"""A gap that one other row shares, and none crosses, ends a line from here on."""
-_WORD_GAP = 2.0
-"""A gap without support from other rows ends a line from here on."""
+_WORD_GAP = 1.6
+"""A gap that fewer than two other rows share, and none crosses, ends a line from here on."""
 _GAP_OVER_SPACE = 1.9
 """Least ratio of a gap that ends a line to the spaces between words around it."""
 _GUTTER_OVER_SPACE = 1.1
-"""The same where at least `gutter_rows` rows around have the gap, and none crosses it."""
+"""The same where at least `_GUTTER_ROWS` rows around have the gap, and none crosses it."""
 _GUTTER_ROWS = 4
-_WIDEST_SPACE = 1.1
-"""Spaces are taken to be no wider: a typewriter's are 1.0."""
 _LEAST_BLANK_CELLS = 3.7
-"""... and narrower gaps, of up to three blanks, are no gutters then."""
-_SHARED_GAP = 0.5
-"""Gaps of two rows, one above the other, that share this width may be one gutter."""
+"""In monospaced print narrower gaps, of up to three blanks, are no gutters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,9 +129,8 @@ def _typical_spaces(
     typical = np.zeros(len(middle))
     level = middle[spaces[:, 0].astype(np.intp)]
     for row in divided.tolist():
-        near = spaces[np.abs(level - middle[row]) < GUTTER_REACH * em[row], 1]
-        widest = _WIDEST_SPACE * em[row]
-        typical[row] = min(median(near), widest) if len(near) else 0.0
+        near = spaces[np.abs(level - middle[row]) < ROW_REACH * em[row], 1]
+        typical[row] = median(near) if len(near) else 0.0
     return typical
 
 
@@ -151,11 +144,11 @@ def _is_gutter(index: int, gaps: _Gaps, rows: _Rows) -> bool:
     if width > WIDEST_GAP and over_space > _GAP_OVER_SPACE:
         return True
     distance = np.abs(rows.middle - rows.middle[gaps.row[index]])
-    near = (distance < GUTTER_REACH * em) & (distance > 0.5 * em)
+    near = (distance < ROW_REACH * em) & (distance > 0.5 * em)
     crossing = near & (rows.x0 < x0) & (rows.x1 > x1)
     shared = np.minimum(gaps.x1, x1) - np.maximum(gaps.x0, x0)
     # The same channel of white, with print that begins on its right edge or ends on its left.
-    same = near[gaps.row] & (shared > _SHARED_GAP * em)
+    same = near[gaps.row] & (shared > EDGE_SLACK * em)
     slack = EDGE_SLACK * em
     same &= (np.abs(gaps.x1 - x1) < slack) | (np.abs(gaps.x0 - x0) < slack) | (shared > 1.2 * em)
     same &= np.isfinite(gaps.x0) | (np.abs(gaps.x1 - x1) < slack)
@@ -168,6 +161,4 @@ def _is_gutter(index: int, gaps: _Gaps, rows: _Rows) -> bool:
         return supports >= _GUTTER_ROWS and contras == 0
     if supports >= 2:
         return supports > contras
-    if supports == 1:
-        return width > _LONE_GAP and contras == 0
     return width > _WORD_GAP and contras == 0

@@ -10,14 +10,14 @@ from services.layout.segmentation.components import Boxes
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.non_text import Part
 from services.layout.segmentation.text_lines import Line, unite_boxes
-from services.layout.segmentation.typical_print import DOUBTFUL_STEP, FULL_LINE
+from services.layout.segmentation.typical_print import FULL_LINE, UNRELIABLE_STEP
 from services.order_statistics import median
 
 _LEAST_PICTURE = 0.06
 """Figures of this share of the page's area have what is printed in them; signatures and stamps are smaller."""
 SCRAP_COMPONENTS = 6
-"""Unread print of at most this many glyphs within a figure is part of it. Elsewhere it may be a piece of a
-signature or a stamp, ..."""
+"""Unread print of at most this many glyphs within a figure is part of it. Elsewhere it may be a piece of a signature or
+a stamp."""
 
 
 def give_to_figures(
@@ -87,4 +87,4 @@ def _is_scrap(
 
 def _is_running(line: Line, em: float) -> bool:
     """Whether a line is as wide as running text is, and about as large as the print of the page."""
-    return line.em > em / DOUBTFUL_STEP and line.width > FULL_LINE * line.em
+    return line.em > em / UNRELIABLE_STEP and line.width > FULL_LINE * line.em

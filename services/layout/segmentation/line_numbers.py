@@ -12,15 +12,11 @@ from services.layout.segmentation.page_numbers import NUMBER_DIGITS
 from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line, measure_line
 
 _LEAST_NUMBER_GAP = 0.9
-"""Line numbers are at least this far from their lines, ..."""
-_SURE_NUMBER_GAP = 1.8
-"""... and this far where they are not smaller than the print."""
+"""Line numbers are at least this far from their lines."""
 _NUMBER_EDGE_PX = 3.0
 """Numbers of one column have a common edge, in pixels of the working copy."""
 _LEAST_NUMBERS = 8
-"""A column has at least so many, ..."""
-_REGULAR_NUMBERS = 0.75
-"""... of which this share follow each other by one step."""
+"""A column has at least so many."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +34,8 @@ class _Head:
 def split_line_numbers(lines: Sequence[Line], components: InkComponents) -> tuple[list[Line], list[Line]]:
     """`lines` without the numbers before them, and those numbers from the top down; none without a column of them.
 
-    Numbers are words of few digits, far from the text or smaller than it, with one edge in common. They count every
-    line, every fifth or every tenth: so marks of lists, which entries of several lines have, are none.
+    Numbers are words of few digits, alone or smaller than their line, with one edge in common. They count every line,
+    every fifth or every tenth: so marks of lists, which entries of several lines have, are none.
     """
     heads = [head for number, line in enumerate(lines) if (head := _find_head(number, line, components))]
     heads = _in_one_column(heads)
@@ -78,10 +74,8 @@ def _find_head(index: int, line: Line, components: InkComponents) -> _Head | Non
     if np.ptp(height) > max(2.0, 0.2 * float(np.max(height))):
         return None
     if len(rest):
-        gap = float(gaps[wide[0]])
         capitals = CAPITAL_HEIGHT * measure_line(components, rest).em
-        is_small = float(np.max(height)) < 0.85 * capitals
-        if not is_small and gap < _SURE_NUMBER_GAP * line.em:
+        if float(np.max(height)) >= 0.85 * capitals:
             return None
     x0, x1 = float(np.min(boxes[own, 0])), float(np.max(boxes[own, 2]))
     middle = float(np.min(boxes[own, 1]) + np.max(boxes[own, 3])) / 2
@@ -120,7 +114,7 @@ def _counts_rows(heads: Sequence[_Head], texts: Sequence[Line]) -> bool:
     rows = middles[np.diff(middles, prepend=-np.inf) > 0.5 * em]
     numbered = np.argmin(np.abs(rows[None, :] - np.array([head.middle for head in heads])[:, None]), axis=1)
     steps = np.diff(numbered)
-    return any(np.count_nonzero(steps == step) >= _REGULAR_NUMBERS * len(steps) for step in (1, 5, 10))
+    return float(np.median(steps)) in (1.0, 5.0, 10.0)
 
 
 def _middle(box: Sequence[float]) -> float:

@@ -6,16 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices
+from services.layout.segmentation.typical_print import ROW_REACH
 from services.order_statistics import median, quantile
 
-GUTTER_REACH = 3.6
-"""Rows nearer than this support a gap: three lines above and below."""
-_LEAST_CELLS = 8
-"""Glyphs of a row that show whether it is monospaced, ..."""
 _LEAST_CONCENTRATION = 0.65
-"""... by the concentration of their places in cells, ..."""
-_LEAST_SURPRISE = 10.0
-"""... which n glyphs reach by chance exp(-n times its square) times. Its exponent is larger, ..."""
+"""Of the places of a monospaced row's glyphs in their cells."""
+_LEAST_SURPRISE = 10
+"""A concentration c of n glyphs comes by chance exp(-n c^2) times: the exponent is larger, so there are more glyphs."""
 
 
 _WIDTHS = np.arange(0.6, 1.6, 0.01)
@@ -35,7 +32,7 @@ def cell_widths(glyphs: Boxes, members: Sequence[Indices]) -> NDArray[np.float64
     members
         Of each row, indices of its glyphs.
     """
-    sure = np.array([_cell_width(glyphs[own]) if len(own) >= _LEAST_CELLS else 0.0 for own in members])
+    sure = np.array([_cell_width(glyphs[own]) if len(own) > _LEAST_SURPRISE else 0.0 for own in members])
     cells = sure.copy()
     known = np.flatnonzero(sure)
     if not len(known):
@@ -46,7 +43,7 @@ def cell_widths(glyphs: Boxes, members: Sequence[Indices]) -> NDArray[np.float64
     x0, y0 = np.minimum.reduceat(ordered[:, :2], starts).T
     x1, y1 = np.maximum.reduceat(ordered[:, 2:], starts).T
     away = np.abs((y0 + y1)[:, None] - (y0 + y1)[known]) / 2
-    near = (away < GUTTER_REACH * (y1 - y0)[:, None]) & (x0[known] < x1[:, None])
+    near = (away < ROW_REACH * (y1 - y0)[:, None]) & (x0[known] < x1[:, None])
     near &= x0[:, None] < x1[known]
     for row in np.flatnonzero((sure == 0) & near.any(axis=1)).tolist():
         cell = median(sure[known[near[row]]])

@@ -10,22 +10,18 @@ from services.layout.segmentation.components import Boxes, Indices, Kinds, near_
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.text_lines import group_linked, unite_boxes
 
-_FIGURE_GAP = 2.0
+_PART_GAP = 2.0
 """Parts of a figure lie nearer to each other, in units."""
-_LEAST_PART = 2.0
-"""Figures and noise are larger, in units; less is a speck."""
+_RULE_GAP = 5.0
+"""Pieces of one rule are no farther apart, in units."""
+_LEAST_PART = 2.5
+"""Figures and noise are larger, in units, and figures have a component that is; less is a speck."""
 _MOST_PARTS = 60
 """Figures, rules and noise of a page; of more, which is dirt, the smaller ones are left out."""
-_LEAST_STROKE = 2.5
-"""A figure has a component of this size, in units."""
-_LEAST_RULE = 6.0
-"""Shorter rules are dashes, in units."""
 _LEAST_NOISE = 4.0
 """Noise is larger, in units; less is dirt."""
 _MOST_NOISE = 12
 """Of more noise on a page the smaller is left out, too."""
-_RULE_GAP = 5.0
-"""Pieces of one rule are no farther apart, in units."""
 _BORDER_FIGURE = (0.5, 6.0)
 """Ink at the border of the page is a figure if it fills this share of its box and is at most this elongated."""
 
@@ -88,7 +84,7 @@ def _largest(components: InkComponents, parts: list[Part], most: int) -> list[Pa
 
 def _figures(components: InkComponents, members: Indices, unit: float) -> list[Part]:
     boxes = components.boxes[members]
-    grown = boxes + _FIGURE_GAP * unit * np.array([-0.5, -0.5, 0.5, 0.5])
+    grown = boxes + _PART_GAP * unit * np.array([-0.5, -0.5, 0.5, 0.5])
     i, j = near_pairs(grown[:, 0], grown[:, 2])
     meet = (grown[i, 1] < grown[j, 3]) & (grown[j, 1] < grown[i, 3])
     groups = group_linked(len(boxes), i[meet], j[meet])
@@ -99,7 +95,7 @@ def _figures(components: InkComponents, members: Indices, unit: float) -> list[P
         own = members[groups == group]
         largest = float(np.max(components.boxes[own, 2:] - components.boxes[own, :2]))
         # Dirt is many small things of which none is large.
-        kind: Kind = "figure" if largest > _LEAST_STROKE * unit else "noise"
+        kind: Kind = "figure" if largest > _LEAST_PART * unit else "noise"
         if np.min(sides[group]) > 0.5 * unit:
             parts.append(Part(own, kind))
     return parts
@@ -122,8 +118,7 @@ def _rules(
             covered = np.minimum(lines[:, 2], x1) - np.maximum(lines[:, 0], x0)
             if np.any(under & (covered > 0.7 * (x1 - x0))):
                 continue
-        if max(x1 - x0, y1 - y0) > _LEAST_RULE * unit:
-            parts.append(Part(members[groups == number], "rule"))
+        parts.append(Part(members[groups == number], "rule"))
     return parts
 
 

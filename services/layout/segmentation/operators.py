@@ -10,10 +10,8 @@ TALLEST_PARTNER = 2.3
 """Largest ratio of the heights of linked components: x-height to brackets is 2.1."""
 _OPERATOR_ASPECT = 1.5
 """Strokes of "=" and dashes are this elongated, ..."""
-_OPERATOR_WIDTHS = (0.3, 2.0)
-"""... have widths between these, in heights of the page's glyphs, ..."""
 _OPERATOR_GAP = 2.0
-"""... and stand no farther from the words on both sides."""
+"""... and stand no farther from the words on both sides, in ems."""
 _MOST_OPERATORS = 1000
 """More are dirt."""
 
@@ -23,9 +21,7 @@ def find_operators(components: InkComponents, glyphs: Indices) -> Boxes:
     boxes = components.boxes
     height, width = boxes[:, 3] - boxes[:, 1], boxes[:, 2] - boxes[:, 0]
     unit = median(height[glyphs])
-    least, most = _OPERATOR_WIDTHS
     chosen = (height < LEAST_GLYPH * unit) & (width > _OPERATOR_ASPECT * height)
-    chosen &= (width > least * unit) & (width < most * unit)
     chosen[glyphs] = False
     # Of more, which is dirt, none is an operator.
     return boxes[chosen] if np.count_nonzero(chosen) <= _MOST_OPERATORS else np.empty((0, 4))

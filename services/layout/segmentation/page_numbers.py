@@ -6,25 +6,21 @@ import numpy as np
 
 from services.layout.segmentation.components import Indices
 from services.layout.segmentation.ink import InkComponents
-from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, END_GAP, Line, measure_line
-from services.layout.segmentation.typical_print import LEAST_SPACE
+from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line, measure_line
+from services.layout.segmentation.typical_print import LEAST_SPACE, SIZE_STEP
 
 _RUNNING_MARGIN = 0.1
 """Largest distance of running heads and feet from the page's edge, over its height."""
 _RUNNING_COMPONENTS = 10
 """Least number of their glyphs ..."""
 NUMBER_DIGITS = 4
-"""... and largest number of those of a page number,"""
-_NUMBER_STEP = 1.1
-"""which is higher than the capitals next to it by this factor,"""
-_NUMBER_GAP = 2.5
-"""or apart from them by this multiple of the spaces between words."""
+"""... and largest number of those of a page number, which are in a larger size than the others."""
 
 
 def split_page_numbers(lines: Sequence[Line], components: InkComponents, page_height: float) -> list[Line]:
     """`lines` with the numbers at either end of those near the page's upper and lower edge as lines of their own.
 
-    A number is a word of few glyphs of one height, which are higher than the capitals of the line, or far from it.
+    A number is a word of few glyphs of one height, which are higher than the capitals of the line.
     `page_height` in pixels of the working copy.
     """
     margin = _RUNNING_MARGIN * page_height
@@ -50,8 +46,7 @@ def _find_number(line: Line, components: InkComponents) -> Indices | None:
     spaces = np.flatnonzero(gaps > LEAST_SPACE * line.em)
     if len(spaces) == 0:
         return None
-    usual = float(np.median(gaps[spaces]))
-    for space, own in ((spaces[-1], slice(spaces[-1] + 1, None)), (spaces[0], slice(0, spaces[0] + 1))):
+    for own in (slice(spaces[-1] + 1, None), slice(0, spaces[0] + 1)):
         if not 0 < len(members[own]) <= NUMBER_DIGITS:
             continue
         height = boxes[own, 3] - boxes[own, 1]
@@ -60,9 +55,6 @@ def _find_number(line: Line, components: InkComponents) -> Indices | None:
         if np.max(np.abs(boxes[own, 3] - line.baseline)) > 0.15 * line.em:
             continue
         rest = measure_line(components, np.delete(members, own))
-        capitals = CAPITAL_HEIGHT * rest.em
-        far = gaps[space] > _NUMBER_GAP * max(usual, LEAST_SPACE * line.em)
-        far &= gaps[space] > END_GAP * line.em and float(np.min(height)) > 0.9 * capitals
-        if far or float(np.min(height)) > _NUMBER_STEP * capitals:
+        if float(np.min(height)) > SIZE_STEP * CAPITAL_HEIGHT * rest.em:
             return np.asarray(members[own], dtype=np.intp)
     return None

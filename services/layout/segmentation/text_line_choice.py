@@ -13,10 +13,10 @@ from services.layout.segmentation.typical_print import UNRELIABLE_STEP
 
 SURE_CONFIDENCE = 0.5
 """A line read with more is text, however it looks."""
-_LONG_LINE = 8
-"""Number of components on a straight baseline that proves a text line."""
 _LEAST_EM_PX = 6.0
 """Smaller print on the working copy is noise, since it is not readable."""
+_LONG_LINE = 8
+"""Number of components on a straight baseline that proves a text line."""
 _FEW = 3
 """On dirty pages lines with fewer components need words."""
 _SIZE_RANGE = (0.6, 1.7)

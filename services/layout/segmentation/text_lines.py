@@ -14,17 +14,17 @@ from services.layout.segmentation.operators import TALLEST_PARTNER, find_operato
 from services.order_statistics import higher_quantile, mean, median, quantile
 
 _MOST_LINES = 1500
-"""And of its lines the widest; a page of small print has 200."""
+"""Of a page with more the widest are taken; a page of small print has 200."""
 _LETTER_GAP = 0.6
 """Components nearer than this times their height are one word, or words near each other."""
 _MARK_GAP = 2.2
 """Largest distance of a list's mark from its line, including the width of the mark."""
-END_GAP = 0.9
+_END_GAP = 0.9
 """Largest distance of a full stop, a superscript or a closing sign from its line."""
 CAPITAL_HEIGHT = 0.70
 """Height of capitals and ascenders over em: Times 0.67, Computer Modern 0.69, Helvetica 0.72."""
-_SLANTED_LETTERS = 10
-"""Least number of letters that shows whether a line is set in italics ..."""
+RELIABLE_COMPONENTS = 5
+"""Of fewer letters a slant is chance, and a size or weight is sure only where it differs much."""
 
 
 _LONG = 4
@@ -83,7 +83,7 @@ def _join_fragments(pieces: list[Indices], components: InkComponents) -> list[Li
     counts = np.array([len(members) for members in pieces])
     long = np.flatnonzero(counts >= _LONG)
     em = np.array([lines[index].em for index in long])
-    reach = np.column_stack([-_MARK_GAP * em, 0.0 * em, END_GAP * em, 0.0 * em])
+    reach = np.column_stack([-_MARK_GAP * em, 0.0 * em, _END_GAP * em, 0.0 * em])
     wide = boxes[long] + reach
     joined: dict[int, list[Indices]] = {}
     kept = np.ones(len(lines), dtype=bool)
@@ -135,7 +135,7 @@ def measure_line(components: InkComponents, members: Indices) -> Line:
     # Words whose letters touch have no slant of their own.
     letters = tall & (boxes[:, 2] - boxes[:, 0] < 1.2 * height)
     slants = components.slant[members[letters]]
-    slant = median(slants) if len(slants) >= _SLANTED_LETTERS else None
+    slant = median(slants) if len(slants) >= RELIABLE_COMPONENTS else None
     return Line(members, (x0, y0, x1, y1), baseline, em, small, stroke, slant)
 
 

@@ -10,8 +10,10 @@ FULL_LINE = 12.0
 """Lines of running text are at least this wide, 24 letters: the columns of newspapers. Narrower lines are headings,
 names, entries."""
 UNRELIABLE_STEP = 1.35
-"""Sizes that differ by more are different, also where few letters show them."""
-DOUBTFUL_STEP = 1.22
-"""Sizes of lines with even spacing count as equal up to this factor."""
+"""The same where few letters show the size."""
+SIZE_STEP = 1.12
+"""Lines whose sizes differ by more are set in different sizes: print steps by 1.1 to 1.2."""
+ROW_REACH = 3.6
+"""Rows nearer than this are next to each other: three lines above and below. No print is wider spaced."""
 WIDEST_VALUE = 22.0
 """Values of entries, items and notes are narrower; running text is wider."""

@@ -10,41 +10,31 @@ from numpy.typing import NDArray
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.notes import note_starts
-from services.layout.segmentation.text_lines import Line
+from services.layout.segmentation.text_lines import RELIABLE_COMPONENTS, Line
 from services.layout.segmentation.typical_print import (
-    DOUBTFUL_STEP,
     EDGE_SLACK,
     FULL_LINE,
+    ROW_REACH,
+    SIZE_STEP,
     UNRELIABLE_STEP,
     WEIGHT_STEP,
     WIDEST_VALUE,
 )
 from services.order_statistics import median
 
-_SMALL_STEP = 1.08
-"""Heights of letters without ascenders differ by less in one size; they are whole pixels."""
-_SIZE_STEP = 1.12
-"""Lines whose sizes differ by more are set in different sizes: print steps by 1.1 to 1.2."""
 _SLANT_STEP = 0.11
-"""... which lean by 0.2 more than upright ones; figures and capitals blur that."""
-_TIGHT = 1.4
-"""Narrower lines with an edge in common stay together, bold or not, if their baselines are nearer than this: a head
-and what it heads."""
-_RELIABLE_COMPONENTS = 5
-"""Sizes and weights of lines with fewer components differ only beyond `unreliable_step`."""
+"""Italics lean by 0.2 more than upright letters; figures and capitals blur that."""
 _LEADING_STEP = 1.22
 """A line space wider than the next by this factor divides blocks."""
 _LARGEST_LEADING = 1.75
 """Wider spacing needs full lines on both sides (a letter in double spacing)."""
-_DOUBLE_LEADING = 3.2
-"""And no print is wider spaced."""
 _INDENT = 0.7
 """First lines of paragraphs begin by this much to the right of the others, at least."""
-_LARGEST_INDENT = 9.0
 _FOOT_OF_TEXT = 0.5
 """Notes after a letter's body are below this share of the page's height."""
 _PARAGRAPH_LEADING = 1.45
-"""From here on a line that ends early ends its paragraph: the space may be that between paragraphs."""
+"""From here on a line that ends early ends its paragraph: the space may be that between paragraphs. Below it a head and
+what it heads, narrow lines with an edge in common, stay together, bold or not."""
 _EARLY_END = 3.5
 """A line ends early if it leaves this much space: the next word would have fitted."""
 
@@ -97,7 +87,7 @@ def _next_below(lines: Sequence[Line], components: InkComponents) -> dict[int, i
     down = baseline[None, :] - baseline[:, None]
     smaller = np.minimum(em[:, None], em[None, :])
     reachable = (shared > 0) & (down > 0.4 * smaller)
-    reachable &= down < _DOUBLE_LEADING * np.maximum(em[:, None], em[None, :])
+    reachable &= down < ROW_REACH * np.maximum(em[:, None], em[None, :])
     distance = np.where(reachable, down, np.inf)
     nearest_below, nearest_above = np.min(distance, axis=1), np.min(distance, axis=0)
     level = 0.5 * em
@@ -139,7 +129,7 @@ def _are_items(lines: Sequence[Line], a: int, b: int, marks: NDArray[np.float64]
     """Whether two short lines are items of a list: they have similar marks one below the other, at any distance."""
     em = max(lines[a].em, lines[b].em)
     even = abs(lines[a].box[0] - lines[b].box[0]) < EDGE_SLACK * em
-    near = lines[b].baseline - lines[a].baseline < _DOUBLE_LEADING * em
+    near = lines[b].baseline - lines[a].baseline < ROW_REACH * em
     near &= max(lines[a].width, lines[b].width) < WIDEST_VALUE * em
     alike = min(marks[a], marks[b]) > 0 and max(marks[a], marks[b]) < 1.3 * min(marks[a], marks[b])
     return bool(even and near and alike and em < UNRELIABLE_STEP * min(lines[a].em, lines[b].em))
@@ -153,7 +143,7 @@ def _is_evenly_set(first: Line, second: Line, leadings: Sequence[float]) -> bool
     """
     em, small = max(first.em, second.em), min(first.em, second.em)
     distance = second.baseline - first.baseline
-    if not leadings or em > DOUBTFUL_STEP * small or first.width < FULL_LINE * em:
+    if not leadings or em > UNRELIABLE_STEP * small or first.width < FULL_LINE * em:
         return False
     # Much wider lines reach into the next column.
     if second.width > 1.5 * first.width:
@@ -185,12 +175,12 @@ def _is_odd_one(above: Line, line: Line, below: Line) -> bool:
 
 def _set_alike(first: Line, second: Line) -> bool:
     """Whether two lines may be of one block: of one size and weight, not too far apart."""
-    reliable = min(len(first.members), len(second.members)) >= _RELIABLE_COMPONENTS
+    reliable = min(len(first.members), len(second.members)) >= RELIABLE_COMPONENTS
     size = max(first.em, second.em) / min(first.em, second.em)
     if size > UNRELIABLE_STEP:
         return False
     small = max(first.small, second.small) / min(first.small, second.small)
-    if reliable and size > _SIZE_STEP and small > _SMALL_STEP:
+    if reliable and min(size, small) > SIZE_STEP:
         return False
     distance = second.baseline - first.baseline
     em = max(first.em, second.em)
@@ -204,7 +194,7 @@ def _set_alike(first: Line, second: Line) -> bool:
     if reliable and max(weights) > WEIGHT_STEP * min(weights):
         narrow = max(first.width, second.width) < FULL_LINE * em
         edges = min(abs(first.box[0] - second.box[0]), abs(first.box[2] - second.box[2]))
-        if not narrow or edges > EDGE_SLACK * em or distance > _TIGHT * em:
+        if not narrow or edges > EDGE_SLACK * em or distance > _PARAGRAPH_LEADING * em:
             return False
     if distance > _LARGEST_LEADING * em:
         return min(first.width, second.width) > FULL_LINE * em
@@ -251,7 +241,7 @@ def _split_paragraphs(lines: Sequence[Line], block: list[int]) -> list[list[int]
     em = median(np.array([lines[index].em for index in block]))
     step = np.diff(left)
     indented = np.zeros(len(block), dtype=bool)
-    indented[1:] = (step > _INDENT * em) & (step < _LARGEST_INDENT * em)
+    indented[1:] = step > _INDENT * em
     back = np.zeros(len(block), dtype=bool)
     back[1:-1] = np.abs(left[2:] - left[:-2]) < 0.5 * _INDENT * em
     back[-1] = len(block) > 2 and abs(left[-2] - median(left)) < 0.5 * _INDENT * em
