@@ -20,6 +20,14 @@ _MOST_PARTS = 60
 """Figures, rules and noise of a page; of more, which is dirt, the smaller ones are left out."""
 _LEAST_NOISE = 4.0
 """Noise is larger, in units; less is dirt."""
+_RULE_GAP = 5.0
+"""Pieces of one rule are no farther apart, in units."""
+_LEAST_PART = 2.5
+"""Figures and noise are larger, in units, and figures have a component that is; less is a speck."""
+_MOST_PARTS = 60
+"""Figures, rules and noise of a page; of more, which is dirt, the smaller ones are left out."""
+_LEAST_NOISE = 4.0
+"""Noise is larger, in units; less is dirt."""
 _MOST_NOISE = 12
 """Of more noise on a page the smaller is left out, too."""
 _BORDER_FIGURE = (0.5, 6.0)
@@ -61,25 +69,20 @@ def find_parts(
     parts.extend(Part(np.array([index]), "rule") for index in rest[frame & ~border])
     if np.any(loose):
         parts.extend(_figures(components, rest[loose], unit))
-    return _largest(components, parts, _MOST_PARTS)
+    if len(parts) <= _MOST_PARTS:
+        return parts
+    ink = [float(np.sum(components.area[part.members])) for part in parts]
+    return [parts[index] for index in sorted(np.argsort(ink)[-_MOST_PARTS:])]
 
 
 def without_dirt(parts: list[Part], components: InkComponents, unit: float) -> list[Part]:
-    """`parts` without small noise, and without what is more than `most_noise`."""
-    noise = []
-    for part in parts:
+    """`parts` without small noise."""
+
+    def size(part: Part) -> float:
         [box] = unite_boxes(components.boxes[part.members], np.zeros(len(part.members), dtype=np.intp))
-        if part.kind == "noise" and max(box[2] - box[0], box[3] - box[1]) > _LEAST_NOISE * unit:
-            noise.append(part)
-    return [part for part in parts if part.kind != "noise"] + _largest(components, noise, _MOST_NOISE)
+        return float(max(box[2] - box[0], box[3] - box[1]))
 
-
-def _largest(components: InkComponents, parts: list[Part], most: int) -> list[Part]:
-    """The `most` parts with most ink."""
-    if len(parts) <= most:
-        return parts
-    ink = [float(np.sum(components.area[part.members])) for part in parts]
-    return [parts[index] for index in sorted(np.argsort(ink)[-most:])]
+    return [part for part in parts if part.kind != "noise" or size(part) > _LEAST_NOISE * unit]
 
 
 def _figures(components: InkComponents, members: Indices, unit: float) -> list[Part]:
