@@ -52,7 +52,7 @@ _SIZE = re.compile(r"(\d{1,4}(?:\.\d)?)x(\d{1,4}(?:\.\d)?)(?:mm)?")
 
 
 @dataclass(frozen=True, slots=True)
-class PageSize:
+class SheetSize:
     """Size of the sheet in millimetres and resolution of the flat view; None for what is not known.
 
     `source` is "outline" (by the aspect of the sheet), "given", or "file" (by its resolution). `reason` is a sentence
@@ -110,7 +110,7 @@ def measure_size(
     camera_assumed: bool,
     seen: SheetAspect | None = None,
     stretch: float | None = None,
-) -> PageSize:
+) -> SheetSize:
     """The size of the sheet in a flat view of `width` x `height` pixels.
 
     Parameters
@@ -142,13 +142,13 @@ def measure_size(
             percent = 100 * (max(stretch, 1 / stretch) - 1)
             reason += f" The view was made {way} by {percent:.1f} % to have its proportions."
         dpi = shown / size[0] * MM_PER_INCH
-        return PageSize(
+        return SheetSize(
             *size, dpi, paper, "given", reason, stretch=None if stretch is None else round(stretch, 4)
         )
     if paper == "none":
-        return PageSize(None, None, None, None, None, "The request wants no size.")
+        return SheetSize(None, None, None, None, None, "The request wants no size.")
     if sides is None:
-        return PageSize(
+        return SheetSize(
             None,
             None,
             None,
@@ -170,11 +170,11 @@ def measure_size(
             f"The photo shows the sheet's aspect to {100 * deviation:.1f} % only; {seen.likely} is the likeliest "
             f"format, with a probability of {seen.probability:.2f}."
         )
-        return PageSize(None, None, None, None, None, reason, round(aspect, 4), round(deviation, 4))
+        return SheetSize(None, None, None, None, None, reason, round(aspect, 4), round(deviation, 4))
     return _choose(sheet_width, aspect, deviation)
 
 
-def size_of_photo(width: int, height: int, dpi: float | None) -> PageSize:
+def size_of_photo(width: int, height: int, dpi: float | None) -> SheetSize:
     """The size of a photo that is the page itself, whose view has `width` x `height` pixels.
 
     `dpi` is the resolution of the view by the file, if it says one: it gives the size. Else the photo may be squeezed.
@@ -183,7 +183,7 @@ def size_of_photo(width: int, height: int, dpi: float | None) -> PageSize:
     aspect = round(width / height, 4)
     if dpi is None:
         reason = "The photo is the page. Cropping may have changed its proportions; send paper to fit the view to it."
-        return PageSize(None, None, None, None, None, reason, aspect, _CROPPED_DEVIATION)
+        return SheetSize(None, None, None, None, None, reason, aspect, _CROPPED_DEVIATION)
     size = width / dpi * MM_PER_INCH, height / dpi * MM_PER_INCH
     names = [
         name
@@ -192,16 +192,16 @@ def size_of_photo(width: int, height: int, dpi: float | None) -> PageSize:
     ]
     reason = f"The file's resolution is {dpi:.0f} dpi."
     name = names[0] if names else None
-    return PageSize(round(size[0], 1), round(size[1], 1), dpi, name, "file", reason, aspect, _FILE_DEVIATION)
+    return SheetSize(round(size[0], 1), round(size[1], 1), dpi, name, "file", reason, aspect, _FILE_DEVIATION)
 
 
-def _choose(sheet_width: float, aspect: float, deviation: float) -> PageSize:
+def _choose(sheet_width: float, aspect: float, deviation: float) -> SheetSize:
     evidence = round(aspect, 4), round(deviation, 4)
     if deviation > _MOST_DEVIATION:
         reason = (
             f"The sheet's aspect is known to {100 * deviation:.1f} % only, too little to tell formats apart."
         )
-        return PageSize(None, None, None, None, None, reason, *evidence)
+        return SheetSize(None, None, None, None, None, reason, *evidence)
     upright = min(aspect, 1.0 / aspect)
     fitting = [
         name
@@ -211,13 +211,13 @@ def _choose(sheet_width: float, aspect: float, deviation: float) -> PageSize:
     if len(fitting) != 1:
         what = "fits no known format" if not fitting else f"fits {' and '.join(fitting)}"
         reason = f"The sheet's aspect, {aspect:.3f} within {100 * deviation:.1f} %, {what}."
-        return PageSize(None, None, None, None, None, reason, *evidence)
+        return SheetSize(None, None, None, None, None, reason, *evidence)
     name = fitting[0]
     width_mm, height_mm = FORMATS[name] if aspect <= 1 else FORMATS[name][::-1]
     reason = f"The sheet's aspect, {aspect:.3f} within {100 * deviation:.1f} %, is that of {name} alone."
     if name == "a4":
         reason = reason.replace("a4 alone", "the A series; A4 is assumed (send paper=a3 or a5 for others)")
-    return PageSize(
+    return SheetSize(
         width_mm, height_mm, sheet_width / width_mm * MM_PER_INCH, name, "outline", reason, *evidence
     )
 

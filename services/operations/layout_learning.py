@@ -175,7 +175,7 @@ def _check_labels(name: str, labels: set[str | None]) -> None:
         )
 
 
-def _costs(cost: feedback.CostChange) -> dict[str, float | None]:
+def _costs(cost: feedback.LabellingCosts) -> dict[str, float | None]:
     return {
         "before": None if cost.before is None else rounded(cost.before),
         "after": None if cost.after is None else rounded(cost.after),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.ocr.engine import Word, mean_confidence
-from services.text.page_text import BlockKind, Box, TextBlock, TextLine, is_right_to_left
+from services.text.page_text import BlockKind, Box, ReadLine, TextBlock, is_right_to_left
 from services.text.word_boxes import settle_boxes, with_common_rows
 
 _ROW_SHARE = 0.5
@@ -74,7 +74,7 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     ]
     for row in rows_of(others):
         if kept := _believed(row.words) if regions else row.words:
-            block = TextBlock((TextLine(tuple(kept)),))
+            block = TextBlock((ReadLine(tuple(kept)),))
             blocks.insert(_after_above(blocks, block.box), block)
     return tuple(blocks)
 
@@ -104,7 +104,7 @@ def _believed(row: Sequence[Word]) -> list[Word]:
     return [word for word in row if word.confidence >= least]
 
 
-def rows_of(parts: Sequence[Part]) -> tuple[TextLine, ...]:
+def rows_of(parts: Sequence[Part]) -> tuple[ReadLine, ...]:
     """Rows of one column, from the top down; the words of each in the direction of its script.
 
     Parts of lines beside each other are one row where their facing ends are level, so that a bent line is one.
@@ -124,13 +124,13 @@ def _middle(part: Sequence[Word]) -> float:
     return float(np.mean([word.box[1] + word.box[3] for word in part]))
 
 
-def _line(words: Sequence[Word]) -> TextLine:
+def _line(words: Sequence[Word]) -> ReadLine:
     words = settle_boxes(words)
     backwards = is_right_to_left("".join(word.text for word in words))
     if backwards:
         words = with_common_rows(words)
     order = sorted(words, key=lambda word: -word.box[2] if backwards else word.box[0])
-    return TextLine(tuple(order))
+    return ReadLine(tuple(order))
 
 
 def _shared_height(part: Sequence[Word], row: Sequence[Word]) -> float:

@@ -26,7 +26,7 @@ from services.layout.grouping.piece_pairs import (
 from services.layout.grouping.piece_tree import PieceTree, grow_tree
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Page, Zone
-from services.layout.recognition.results import LabelledZone
+from services.layout.recognition.results import RecognizedZone
 
 _MOST_ODDS = 5.0
 """Of a pair; larger ones count as this."""
@@ -61,7 +61,9 @@ Groups = tuple[tuple[int, ...], ...]
 """Places of the zones of a page that become one zone, in the order of the page; a zone alone is a group, too."""
 
 
-def find_groups(zones: Sequence[LabelledZone], page: Page, learned: Mapping[str, PieceStatistics]) -> Groups:
+def find_groups(
+    zones: Sequence[RecognizedZone], page: Page, learned: Mapping[str, PieceStatistics]
+) -> Groups:
     """Groups of zones that are pieces of one, by what the class has `learned` of its labels."""
     if len(zones) > MOST_ZONES or len(zones) < 2:
         return tuple((place,) for place in range(len(zones)))
@@ -71,7 +73,7 @@ def find_groups(zones: Sequence[LabelledZone], page: Page, learned: Mapping[str,
 
 
 def describe_joins(
-    zones: Sequence[LabelledZone],
+    zones: Sequence[RecognizedZone],
     page: Page,
     learned: Mapping[str, PieceStatistics],
     pair_weights: Sequence[float],
@@ -141,7 +143,7 @@ def choose_groups(tree: PieceTree, probability: Values) -> Groups:
     return tuple(sorted(groups))
 
 
-def _labelled(each: LabelledZone) -> Zone:
+def _labelled(each: RecognizedZone) -> Zone:
     return replace(each.zone, label=each.label)
 
 

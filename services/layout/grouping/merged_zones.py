@@ -9,7 +9,7 @@ from scipy.special import expit, logit
 from services.layout.grouping.joining import SPREAD_ZONES, SPREADS
 from services.layout.grouping.regrouping_odds import merged_share
 from services.layout.model.layout_model import PieceStatistics
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.recognition.results import Recognition, RecognizedZone
 
 
 def with_merged_doubts(seen: Recognition, learned: Mapping[str, PieceStatistics]) -> Recognition:
@@ -22,7 +22,7 @@ def with_merged_doubts(seen: Recognition, learned: Mapping[str, PieceStatistics]
     on_page = {each.label for each in seen.zones}
     missing = [each for label, each in learned.items() if each.merged and label not in on_page]
 
-    def doubt(zone: LabelledZone) -> float:
+    def doubt(zone: RecognizedZone) -> float:
         own = learned.get(zone.label or "", PieceStatistics())
         if not own.merged or not missing or zone.zone.kind != "text":
             return 0.0

@@ -35,7 +35,7 @@ class LabelsMissing(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class CostChange:
+class LabellingCosts:
     """Cost of one labelling under a model before and after learning, including the bias of its class for all zones.
 
     None: the model does not have all labels of the labelling.
@@ -50,8 +50,8 @@ class LearnedModel:
     """A model after learning from a page, and the costs of the found and the verified labelling."""
 
     model: LayoutModel
-    found: CostChange
-    verified: CostChange
+    found: LabellingCosts
+    verified: LabellingCosts
 
 
 def adapt_models(
@@ -189,10 +189,11 @@ def _decide(
 
 def _changes(
     graph: LayoutGraph, before: _CalibratedModel, after: _CalibratedModel, found: Labels, verified: Labels
-) -> tuple[CostChange, CostChange]:
+) -> tuple[LabellingCosts, LabellingCosts]:
     """Cost changes of the found and of the verified labelling."""
     of_found, of_verified = (
-        CostChange(_cost(graph, before, labels), _cost(graph, after, labels)) for labels in (found, verified)
+        LabellingCosts(_cost(graph, before, labels), _cost(graph, after, labels))
+        for labels in (found, verified)
     )
     return of_found, of_verified
 
