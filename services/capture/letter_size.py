@@ -16,10 +16,9 @@ from scipy.fft import rfft, rfftfreq
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
+from services.capture.print_patches import choose_windows
 from services.imaging.node_grid import take_values
 
-_WINDOWS = 48
-"""Places on the page that are averaged."""
 _ACROSS = 6.0
 """Half the window's extent across the lines: two lines on either side."""
 _ALONG = 5.0
@@ -65,7 +64,7 @@ def measure_letter_rows(gray: GrayImage, at: Points, axes: Floats, height_px: fl
     usual height of the characters that were found.
     """
 
-    chosen = np.unique(np.linspace(0, len(at) - 1, min(_WINDOWS, len(at))).astype(int))
+    chosen = choose_windows(len(at))
     level = _from_rows(gray, at[chosen], axes[chosen], height_px, (0.0,))
     if level is None:
         return LetterRows(height_px, 0.0)

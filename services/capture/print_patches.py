@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage, Points, Vector
 from services.order_statistics import high_percentile, percentile_of_sorted
 
+WINDOWS = 48
+"""Places on the page round which rows of text and the detail of strokes are measured."""
 _HEIGHTS = 0.8
 """Half the side of a patch in text heights: a character and the paper round it."""
 _MOST_PX = 40
@@ -83,6 +85,11 @@ def measure_patches(gray: GrayImage, at: Points, height_px: float) -> PatchFigur
     kept = np.sqrt(1 - 2 * _centre(_SMOOTHING_PX) + 1 / (4 * np.pi * _SMOOTHING_PX**2))
     noise = 1.4826 * float(np.median(paper)) / kept if paper.size else 0.0
     return PatchFigures(blurs, contrasts, worst, noise / float(np.median(step[seen])))
+
+
+def choose_windows(count: int, most: int = WINDOWS) -> NDArray[np.intp]:
+    """Indices of at most `most` of `count` places, spread evenly."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).astype(np.intp))
 
 
 def cut_patches(gray: GrayImage, at: Points, half: int) -> Patches:

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
 from services.capture.letter_size import measure_letter_rows, text_axes
-from services.capture.print_patches import measure_patches
+from services.capture.print_patches import choose_windows, measure_patches
 from services.capture.stroke_detail import measure_strokes
 from services.imaging.reduction import reduce_image
 from services.order_statistics import median
@@ -104,7 +104,7 @@ def measure_quality(
     if len(characters) == 0:
         return None
     height = float(np.median(sizes))
-    chosen = np.unique(np.linspace(0, len(characters) - 1, min(_PATCHES, len(characters))).astype(int))
+    chosen = choose_windows(len(characters), _PATCHES)
     at = characters[chosen]
     axes = np.tile([1.0, 0.0], (len(at), 1)) if mesh is None else text_axes(mesh, at)
     rows = measure_letter_rows(gray, at, axes, height)

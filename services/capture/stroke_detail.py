@@ -11,10 +11,9 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats, GrayImage, Points
-from services.capture.print_patches import Patches, cut_patches
+from services.capture.print_patches import Patches, choose_windows, cut_patches
 from services.geometry.homographies import from_resized
 
-_PATCHES = 48
 _HALF = 1.2
 """Half the side of a patch: a few letters of one line, and the gaps to its neighbours."""
 _FINE = 0.12
@@ -49,7 +48,7 @@ def measure_strokes(gray: GrayImage, at: Points, axes: Floats, letter_px: float)
     `axes` (N, 2) are the directions of the text lines there, `letter_px` is the height of small letters.
     """
 
-    chosen = np.unique(np.linspace(0, len(at) - 1, min(_PATCHES, len(at))).astype(int))
+    chosen = choose_windows(len(at))
     step = max(1, round(letter_px / (0.75 * _MOST_PX))) if letter_px > _MOST_PX else 1
     size = letter_px / step
     margin = int(np.ceil(_MARGIN * size)) + 2

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.ocr.engine import Word, mean_confidence
+from services.ocr.engine import MADE_UP, Word, mean_confidence
 from services.text.page_text import BlockKind, Box, ReadLine, TextBlock, is_right_to_left
 from services.text.word_boxes import settle_boxes, with_common_rows
 
@@ -25,10 +25,8 @@ _LARGE_HEADING = 1.6
 """And by this factor, one of the first level."""
 _HEADING_WORDS = 25
 """Longer blocks are paragraphs in large print."""
-_MADE_UP = 0.3
-"""A word outside of all blocks is left out below this confidence: the engine reads specks and pictures as such."""
 _SURE = 0.8
-"""In a row whose letters have less than `made_up` in the mean, as in the grain of a desk, words need this."""
+"""In a row whose letters have less than `MADE_UP` in the mean, as in the grain of a desk, words need this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +98,7 @@ def _after_above(blocks: Sequence[TextBlock], box: Box) -> int:
 
 def _believed(row: Sequence[Word]) -> list[Word]:
     """Words of a row that were probably not made up; in a row that mostly was, the sure ones."""
-    least = _MADE_UP if mean_confidence(row) >= _MADE_UP else _SURE
+    least = MADE_UP if mean_confidence(row) >= MADE_UP else _SURE
     return [word for word in row if word.confidence >= least]
 
 

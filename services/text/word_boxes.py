@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.ocr.engine import Word
+from services.ocr.engine import UNSURE, Word
 
 _WITHIN = 0.7
 """A word of which so much lies within a wider one is spanned by it."""
@@ -17,9 +17,6 @@ _LEAST_PART = 0.12
 """Least part of a box that may stay, over its height, for each of its characters: thin letters are as narrow."""
 _GAP = 0.12
 """Left free beside a spanned word, over the height: readers of PDFs find the spaces of words by such gaps."""
-_UNSURE = 0.5
-"""Words below this confidence are left out where a sure one of the same line has their place: a second reading of
-the line, or dots that were read again."""
 _COVERED = 0.5
 """Share of an unsure word that the sure one covers."""
 _TOO_HIGH = 1.3
@@ -85,11 +82,11 @@ def _parts_between(span: Span, taken: Sequence[Span]) -> list[Span]:
 
 
 def _read_twice(word: Word, words: Sequence[Word]) -> bool:
-    if word.confidence >= _UNSURE:
+    if word.confidence >= UNSURE:
         return False
     width = word.box[2] - word.box[0]
     return any(
-        other.confidence > _UNSURE and _common(word, other) >= _COVERED * width
+        other.confidence > UNSURE and _common(word, other) >= _COVERED * width
         for other in words
         if other is not word
     )

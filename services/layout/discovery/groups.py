@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import ClusterNode, linkage, to_tree
 from scipy.spatial.distance import squareform
 
+from services.layout.discovery.class_samples import FEWEST_PAGES
 from services.layout.discovery.page_distance import compare_pages, page_distances
 from services.layout.graph.layout_graph import LayoutGraph
 
-_LEAST_PAGES = 3
-"""Two pages can be similar by chance: among 50 single pages of different classes there is such a pair."""
 _MOST_DISTANCE = 0.5
 """Mean distance of two groups that are joined. Pages of one publication are 0.15 to 0.5 apart, of one kind of
 letters 0.4 to 0.7, of two publications 0.47 and more; at 0.5 groups are pure (99 %), at 0.55 no longer (96 %)."""
@@ -67,7 +66,7 @@ def group_pages(graphs: Sequence[LayoutGraph]) -> tuple[PageGroup, ...]:
     """
     graphs = graphs[: choose_pages(graphs, MOST_ZONES)]
     printed = [index for index, graph in enumerate(graphs) if graph.zones]
-    if len(printed) < _LEAST_PAGES:
+    if len(printed) < FEWEST_PAGES:
         return ()
     distances = page_distances([graphs[index] for index in printed])
     tree = to_tree(linkage(squareform(distances, checks=False), "average"))
@@ -83,7 +82,7 @@ def _gather_groups(tree: ClusterNode, distances: NDArray[np.float64]) -> Iterato
     waiting = [tree]
     while waiting:
         node = waiting.pop()
-        if node.get_count() < _LEAST_PAGES:
+        if node.get_count() < FEWEST_PAGES:
             continue
         members = sorted(node.pre_order())
         halves = [node.get_left(), node.get_right()]
@@ -102,7 +101,7 @@ def _belong_together(
     if apart > _MOST_DISTANCE:
         return False
     sizes = sorted(map(len, halves))
-    if sizes[1] < _LEAST_PAGES and sizes[0] < 2:
+    if sizes[1] < FEWEST_PAGES and sizes[0] < 2:
         return True
     blocks = [distances[np.ix_(half, half)] for half in halves]
     pairs = sum(len(half) * (len(half) - 1) for half in halves)

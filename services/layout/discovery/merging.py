@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from services.layout.discovery.class_samples import ClassSamples, held_out_costs, match_sample
+from services.layout.discovery.class_samples import FEWEST_PAGES, ClassSamples, held_out_costs, match_sample
 from services.layout.discovery.groups import find_medoid
 from services.layout.discovery.page_distance import page_distances
 from services.layout.recognition.classification import SHARE_OF_MEAN, SHARPNESS
 
-_LEAST_SAMPLES = 3
-"""Samples of each class; models of two samples do not separate letters from memos."""
 LEAST_FIT = 0.7
 """Costs of a class's samples by the other's model, as a share of those by its own: of halves 0.75 to 1, of
 different classes 0.6 at most."""
@@ -49,7 +47,7 @@ class MergeProposal:
 def propose_merges(classes: Sequence[ClassSamples]) -> tuple[MergeProposal, ...]:
     """Pairs of classes that recognition cannot distinguish, the most similar first."""
     able = sorted(
-        (each for each in classes if len(each.samples) >= _LEAST_SAMPLES),
+        (each for each in classes if len(each.samples) >= FEWEST_PAGES),
         key=lambda each: each.name,
     )
     if len(able) < 2:

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.discovery.class_samples import ClassSamples, held_out_costs, match_sample
+from services.layout.discovery.class_samples import FEWEST_PAGES, ClassSamples, held_out_costs, match_sample
 from services.layout.discovery.groups import find_medoid
 from services.layout.discovery.page_distance import page_distances
 from services.layout.model.statistics import total_statistics
 
 _LEAST_SAMPLES = 8
 """Of the class: of fewer, models of parts have too few samples to win."""
-_LEAST_PART = 3
-"""Samples of each part."""
 LEAST_GAIN = 0.03
 """By how much of the joint model's costs the parts' models lower them. Homogeneous classes lose up to a tenth and
 win 0.012 at most; unions of two publications win 0.05 and more."""
@@ -51,7 +49,7 @@ def compare_parts(samples: ClassSamples) -> SplitProposal | None:
     distances = page_distances(samples.verified())
     first = halve(distances)
     sizes = np.array([first.sum(), (~first).sum()])
-    if sizes.min() < _LEAST_PART:
+    if sizes.min() < FEWEST_PAGES:
         return None
     joint, parted = held_out_costs(samples), _costs_by_parts(samples, first)
     gain = float((joint.mean() - parted.mean()) / max(abs(joint.mean()), 1.0))

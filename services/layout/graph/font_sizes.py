@@ -8,7 +8,7 @@ from services.layout.page import Page, Zone
 
 _LEADING = 1.2
 """Distance of baselines over em: the usual setting of print; the median of typeset title pages is 1.2."""
-_LINE_HEIGHT = 0.9
+LINE_HEIGHT = 0.9
 """Height of a single line's ink over em, ascender to descender; the median of typeset title pages."""
 _BODY_TOLERANCE = 0.05
 """Zones whose sizes differ by no more than this share count as one size; the steps of print are 10 %."""
@@ -37,7 +37,7 @@ def estimate_font_size(zone: Zone) -> float | None:
     if lines == 0:
         return None
     height_px = zone.box[3] - zone.box[1]
-    return height_px / ((lines - 1) * _LEADING + _LINE_HEIGHT)
+    return height_px / ((lines - 1) * _LEADING + LINE_HEIGHT)
 
 
 def body_font_size(page: Page) -> float | None:

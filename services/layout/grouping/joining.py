@@ -32,12 +32,11 @@ _MOST_ODDS = 5.0
 """Of a pair; larger ones count as this."""
 _MOST_EVIDENCE = 6.0
 _USUAL_DIVIDED = 0.15
-"""Share of the verified zones of a label that segmentation divides, as if `divided_zones` had been seen."""
-_DIVIDED_ZONES = 2.0
-SPREADS = (0.4, 0.5)
-"""Standard deviation of the binary logarithms of widths and heights within a label, as if `spread_zones` had been
-seen."""
-SPREAD_ZONES = 2.0
+"""Share of the verified zones of a label that segmentation divides, as if `USUAL_ZONES` had been seen."""
+SPREAD = 0.5
+"""Standard deviation of the binary logarithms of widths and heights within a label, as if `USUAL_ZONES` had
+been seen."""
+USUAL_ZONES = 2.0
 _MOST_NOISE = 3
 
 
@@ -149,8 +148,8 @@ def _labelled(each: RecognizedZone) -> Zone:
 
 def _divided(learned: PieceStatistics) -> float:
     """Log odds, beyond the usual ones, that segmentation divides a zone of the label."""
-    divided = learned.divided + _DIVIDED_ZONES * _USUAL_DIVIDED
-    whole = learned.whole + _DIVIDED_ZONES * (1 - _USUAL_DIVIDED)
+    divided = learned.divided + USUAL_ZONES * _USUAL_DIVIDED
+    whole = learned.whole + USUAL_ZONES * (1 - _USUAL_DIVIDED)
     return float(np.log(divided / whole) - np.log(_USUAL_DIVIDED / (1 - _USUAL_DIVIDED)))
 
 
@@ -160,6 +159,6 @@ def _unlikely_size(shares: Values, learned: Sequence[PieceStatistics]) -> Values
     count = np.maximum(sums[:, :, 0], 1e-9)
     mean = sums[:, :, 1] / count
     squares = np.maximum(sums[:, :, 2] - count * mean**2, 0.0)
-    variance = (squares + SPREAD_ZONES * np.array(SPREADS) ** 2) / (count + SPREAD_ZONES) * (1 + 1 / count)
+    variance = (squares + USUAL_ZONES * SPREAD**2) / (count + USUAL_ZONES) * (1 + 1 / count)
     unlikely = np.log1p((shares - mean) ** 2 / (4 * variance)).sum(axis=1)
     return np.where(sums[:, 0, 0] >= 0.5, unlikely, 0.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import expit, logit
 
-from services.layout.grouping.joining import SPREAD_ZONES, SPREADS
+from services.layout.grouping.joining import SPREAD, USUAL_ZONES
 from services.layout.grouping.regrouping_odds import merged_share
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.recognition.results import Recognition, RecognizedZone
@@ -47,5 +47,5 @@ def _height(label: PieceStatistics) -> tuple[float, float]:
     """Mean and variance of the binary logarithms of heights of verified zones, the variance drawn to what is usual."""
     count, total, squares = label.heights
     mean = total / max(count, 1e-9)
-    spread = max(squares - count * mean**2, 0.0) + SPREAD_ZONES * SPREADS[1] ** 2
-    return mean, spread / (count + SPREAD_ZONES)
+    spread = max(squares - count * mean**2, 0.0) + USUAL_ZONES * SPREAD**2
+    return mean, spread / (count + USUAL_ZONES)

@@ -6,29 +6,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.graph.font_sizes import LINE_HEIGHT
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Box, Page, Zone
 
-_REACH_ALONG = 3.2
+REACH_ALONG = 3.2
 """Largest gap of neighbours down the page: pieces are no farther apart than lines in double spacing."""
 _REACH_ACROSS = 8.0
 """Largest gap of neighbours in a row: a logo and the address to its right."""
 _FOREIGN_SHARE = 0.3
 """Two zones are no neighbours if a zone with another label lies by more than this share between them."""
-_MOST_GAP = 3.0
-"""Larger values of the features count as these: gaps along ..."""
-_MOST_GAP_ACROSS = 6.0
-"""... and across,"""
 _MOST_STEP = 0.7
-"""steps of size and weight (natural logarithms),"""
+"""Larger values of the features count as these: steps of size and weight (natural logarithms), ..."""
 _MOST_EDGE = 10.0
-"""distances of edges and centres,"""
+"""... distances of edges and centres, ..."""
 _MOST_PITCH = 8.0
-"""and the gap over the space between the lines of the pieces."""
+"""... and the gap over the space between the lines of the pieces."""
 _USUAL_PITCH = 2.0
 """Assumed where neither piece has two lines."""
-_LINE_HEIGHT = 0.9
-"""Height of a line's ink over its em."""
 
 
 Values = NDArray[np.float64]
@@ -120,7 +115,7 @@ def describe_pieces(zones: Sequence[Zone], em: float) -> tuple[Pieces, list[str]
         weights=np.log(known([zone.weight or None for zone in zones])),
         spaces=known(
             [
-                zone.line_spacing / em - _LINE_HEIGHT * (zone.font_size or em) / em
+                zone.line_spacing / em - LINE_HEIGHT * (zone.font_size or em) / em
                 if zone.line_spacing and (zone.lines or 0) > 1
                 else None
                 for zone in zones
@@ -152,7 +147,7 @@ def are_neighbours(pieces: Pieces, first: Places, second: Places, zones: Pieces)
         & (pieces.labels[first] == pieces.labels[second])
         & (pieces.labels[first] >= 0)
         & (gaps[:, 0] <= _REACH_ACROSS)
-        & (gaps[:, 1] <= _REACH_ALONG)
+        & (gaps[:, 1] <= REACH_ALONG)
     )
     found = np.flatnonzero(near)
     solid = np.flatnonzero(zones.solid)
@@ -188,8 +183,8 @@ def pair_features(pieces: Pieces, first: Places, second: Places) -> Values:
 
     return np.column_stack(
         [
-            np.minimum(along, _MOST_GAP),
-            np.minimum(across, _MOST_GAP_ACROSS),
+            along,
+            across,
             step(pieces.sizes),
             step(pieces.weights),
             edges(np.minimum(np.minimum(left, right), centres)),

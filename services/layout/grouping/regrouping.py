@@ -17,14 +17,14 @@ from scipy.special import expit
 from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import build_graph
 from services.layout.grouping.joined_page import number_zones
-from services.layout.grouping.piece_pairs import print_size
+from services.layout.grouping.piece_pairs import REACH_ALONG, print_size
 from services.layout.grouping.regrouping_odds import (
     cut_log_odds,
     join_log_odds,
     measure_space,
     merged_log_odds,
 )
-from services.layout.matching import MatchingParameters, conditional_costs, match_directly
+from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.layout_model import LayoutModel
@@ -32,21 +32,14 @@ from services.layout.page import Page
 from services.layout.segmentation import FinePage, text_zone, with_appearance
 from services.layout.segmentation.measures import SAME_ROW
 
-_MOST_GAP = 2.5
-"""Largest gap of neighbours that may be one zone, in ems of the page's print."""
 _MOST_HYPOTHESES = 8
-"""Of a page, cuts and joins in turns."""
+"""Of a page, cuts and joins in turns; no more are made, either."""
 _MOST_PAIRS = 3500
 """Pairs of zones in all hypotheses together, which take the time: four hypotheses of a page of 40 zones."""
-_MOST_CHANGES = 4
-"""Of a page."""
 
 
 Lines = tuple[tuple[int, ...], ...]
 """Indices of the lines of every zone of a page, from the top down; none for a zone that is no text."""
-
-_LOCAL = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""Hypotheses are compared by local search; the page that is kept is then searched in full."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +100,7 @@ def regroup_page(
     current = class_.match(page, lines)
     hypotheses = class_.likely_changes(current)[:most]
     doubts: dict[tuple[int, ...], float] = {}
-    for _ in range(_MOST_CHANGES):
+    for _ in range(_MOST_HYPOTHESES):
         tried = [(*class_.judge(current, each), each) for each in hypotheses]
         for odds, _, each in tried:
             if each.at is not None and class_.log_odds_of_merging(current, each.lines):
@@ -139,7 +132,7 @@ class _Class:
         """The page with its labels of least cost."""
         graph = build_graph(page, self.features.names)
         tables = build_cost_tables(graph, compile_model(self.model, graph.content_names))
-        found = match_directly(tables, _LOCAL)
+        found = match_directly(tables, NO_PROOF)
         own = tables.node[np.arange(tables.zones), found.labels]
         return _Matched(page, lines, found.labels, found.cost, own, conditional_costs(tables, found.labels))
 
@@ -212,7 +205,7 @@ def _joins(fine: FinePage, current: _Matched, *, same_label: bool = False) -> It
         if (
             (current.labels[upper] == current.labels[lower]) == same_label
             and a[1] <= b[1]
-            and -em < b[1] - a[3] < _MOST_GAP * em
+            and -em < b[1] - a[3] < REACH_ALONG * em
             and min(a[2], b[2]) > max(a[0], b[0])
         ):
             old = current.lines[upper], current.lines[lower]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from services.layout.learning.statistics_update import MOST_PAGES
 from services.layout.model.layout_model import Calibration
 from services.layout.recognition.classification import (
     FIT_SHARPNESS,
@@ -18,8 +19,6 @@ from services.layout.recognition.classification import (
 MOST_STEP = 0.5
 """Largest change of a bias by one page, in cost a zone. It is 1.5 log odds, so that no single page changes a class
 much."""
-_MOST_PAGES = 200
-"""The mean cost is the mean over this many last pages."""
 
 
 def count_cost(calibration: Calibration, cost_per_zone: float) -> Calibration:
@@ -29,7 +28,7 @@ def count_cost(calibration: Calibration, cost_per_zone: float) -> Calibration:
     total = mean * (pages + weight) - weight * USUAL_MEAN
     assumed = 2 * USUAL_DEVIATION**2
     squares = calibration.deviation**2 * (pages + 2) - assumed + 2 * mean * total - pages * mean**2
-    kept = min(1.0, (_MOST_PAGES - 1) / max(1, pages))
+    kept = min(1.0, (MOST_PAGES - 1) / max(1, pages))
     total, squares, counted = (
         kept * total + cost_per_zone,
         kept * squares + cost_per_zone**2,

@@ -20,7 +20,7 @@ from services.layout.model.scale_fitting import (
 from services.layout.model.scale_fitting import scale_certainty as certainty_of
 from services.layout.model.statistics import LabelledGraph, LabelStatistics, label_indices, sample_statistics
 
-_MOST_PAGES = 200.0
+MOST_PAGES = 200.0
 """Largest number of pages in the sums. Beyond it older pages lose weight, so that a class may change (5.7)."""
 SCALE_RATE = 0.5
 """Share of the Newton step to the scales under which the page's labels are most probable; whole steps overshoot."""
@@ -40,7 +40,7 @@ def update_statistics(
     """
     learned = with_labels(learned, page.labels)
     scales, certainty = _step_scales(learned, page, scale_rate)
-    kept = min(1.0, (_MOST_PAGES - 1) / max(1.0, float(learned.statistics.pages[0])))
+    kept = min(1.0, (MOST_PAGES - 1) / max(1.0, float(learned.statistics.pages[0])))
     views = [page] if found is None else [page, found]
     statistics = _faded(learned.statistics, kept) + sample_statistics(views, learned.labels)
     before = estimate_model(learned.statistics, learned.labels, scales)

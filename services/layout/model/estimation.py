@@ -25,18 +25,16 @@ from services.layout.model.layout_model import (
 )
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
 
-_SPREAD_WEIGHT = 2.0
-"""Of an attribute's usual spread within a component, against the variance seen."""
+_USUAL_WEIGHT = 2.0
+"""Of an attribute's usual spread within a component, against the variance seen, and of a descriptor's frequency over
+all pairs, against that of the pair of components."""
 _CONTENT_WEIGHT = 1.0
 """Of a content feature's frequency over all zones, against that in the component."""
 CONTENT_RANGE = (0.003, 0.997)
 """Range of expectation values: a feature that never occurred may still occur."""
-_RELATION_WEIGHT = 2.0
-"""Of a descriptor's frequency over all pairs, against that of the pair of components."""
 _COUNT_WEIGHT = 0.5
-"""Of the usual numbers of zones of a component on a page: none as often as any, one as often as all more."""
-_LABEL_WEIGHT = 0.5
-"""Added to every component's number of zones."""
+"""Added to every component's number of zones, as by Jeffreys' prior, and weight of the usual numbers of zones of one
+on a page: none as often as any, one as often as all more."""
 
 
 def estimate_model(
@@ -52,7 +50,7 @@ def estimate_model(
         content=_estimate_content(statistics),
         weights=np.ones((len(labels), values.shape[1] + statistics.content.shape[1])),
         label_costs=-np.log(
-            (statistics.zones + _LABEL_WEIGHT) / (statistics.zones.sum() + _LABEL_WEIGHT * len(labels))
+            (statistics.zones + _COUNT_WEIGHT) / (statistics.zones.sum() + _COUNT_WEIGHT * len(labels))
         ),
         relations=_estimate_relations(statistics),
         counts=_estimate_counts(statistics),
@@ -70,7 +68,7 @@ def _estimate_numeric(statistics: LabelStatistics) -> tuple[NDArray[np.float64],
     with np.errstate(all="ignore"):
         mean = statistics.totals / known
         seen = np.maximum(statistics.squares / known - mean**2, 0.0)
-        weight = _SPREAD_WEIGHT
+        weight = _USUAL_WEIGHT
         variance = (known * seen + weight * usual) / (known + weight) * (1 + 1 / known)
     return np.where(known > 0, mean, np.nan), np.where(known > 0, variance, 1.0)
 
@@ -90,7 +88,7 @@ def _estimate_relations(statistics: LabelStatistics) -> NDArray[np.float64]:
         seen = statistics.descriptors[:, :, columns]
         overall = seen.sum(axis=(0, 1)) + 1.0
         overall /= overall.sum()
-        weight = _RELATION_WEIGHT
+        weight = _USUAL_WEIGHT
         pairs = seen.sum(axis=2, keepdims=True)
         costs[:, :, columns] = -np.log((seen + weight * overall) / (pairs + weight) / overall)
     return costs

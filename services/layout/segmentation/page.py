@@ -20,14 +20,11 @@ from services.layout.segmentation.inner_print import block_boxes, give_to_figure
 from services.layout.segmentation.line_numbers import split_line_numbers
 from services.layout.segmentation.non_text import find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
-from services.layout.segmentation.text_line_choice import SURE_CONFIDENCE, ReadLines, choose_text_lines
+from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
 from services.layout.segmentation.text_lines import Line, find_lines, measure_line
 from services.layout.segmentation.words import assign_words, line_confidences, words_of_lines
 from services.layout.segmentation.zone_grouping import group_lines
-from services.ocr.engine import Word
-
-_LEAST_CONFIDENCE = 0.3
-"""Words read with less confidence are no text, but for those in a line that is."""
+from services.ocr.engine import MADE_UP, UNSURE, Word
 
 
 def segment_page(gray: GrayImage, words: Sequence[Word] | None) -> Page:
@@ -156,11 +153,11 @@ def _read(
         return ReadLines([""] * len(lines), np.zeros(len(lines))), [[] for _ in lines]
     boxes = np.array([line.box for line in lines])
     word_boxes = frame.level(np.array([word.box for word in seen]) / np.array([*frame.scale, *frame.scale]))
-    is_sure = np.array([word.confidence >= _LEAST_CONFIDENCE for word in seen])
+    is_sure = np.array([word.confidence >= MADE_UP for word in seen])
     line_of_word = assign_words(seen, word_boxes, boxes)
     confidence = line_confidences(seen, np.where(is_sure, line_of_word, -1), len(lines))
     # In a line that is text, a word that was read badly is a word all the same.
-    is_text = confidence >= SURE_CONFIDENCE
+    is_text = confidence >= UNSURE
     line_of_word = np.where(is_sure | is_text[line_of_word], line_of_word, -1)
     own = words_of_lines(seen, word_boxes, line_of_word, len(lines))
     texts = [" ".join(word.text for word in each) for each in own]

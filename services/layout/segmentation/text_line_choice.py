@@ -10,9 +10,8 @@ from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.text_lines import Line
 from services.layout.segmentation.typical_print import UNRELIABLE_STEP
+from services.ocr.engine import UNSURE
 
-SURE_CONFIDENCE = 0.5
-"""A line read with more is text, however it looks."""
 _LEAST_EM_PX = 6.0
 """Smaller print on the working copy is noise, since it is not readable."""
 _LONG_LINE = 8
@@ -52,7 +51,7 @@ def choose_text_lines(
     counts = np.array([len(line.members) for line in lines])
     em = np.array([line.em for line in lines])
     boxes: Boxes = np.array([line.box for line in lines])
-    sure = np.asarray(read.confidence >= SURE_CONFIDENCE)
+    sure = np.asarray(read.confidence >= UNSURE)
     regular = np.array([_is_regular(line, components) for line in lines])
     margin = 0.15 * em
     inside = (boxes[:, 0] > margin) & (boxes[:, 1] > margin)

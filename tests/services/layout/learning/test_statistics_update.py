@@ -97,7 +97,7 @@ def test_scales_follow_what_tells_labels_apart() -> None:
 
 def test_old_pages_fade(monkeypatch: pytest.MonkeyPatch) -> None:
     """After a change of the class its new look is what is expected."""
-    monkeypatch.setattr("services.layout.learning.statistics_update._MOST_PAGES", 4.0)
+    monkeypatch.setattr("services.layout.learning.statistics_update.MOST_PAGES", 4.0)
     learned = learning_model("letter", 5)
     page = lesson("letter", 1)
     for _ in range(30):
