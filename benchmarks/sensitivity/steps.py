@@ -1,6 +1,6 @@
 """The steps that are studied: which packages, on which few reduced cases, and how an answer is judged."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -8,26 +8,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.common.memory import Memory
-from benchmarks.common.places import MEMORY
 from benchmarks.common.residuals import mesh_residual_percent
-from benchmarks.layout.segmentation_matching import match_zones
-from benchmarks.layout.specimens import load_gray
-from benchmarks.layout.truth import load_set
 from benchmarks.mosaic.cases import HomographyMap, MosaicCase, TrueSet, load_case
 from benchmarks.mosaic.errors import FALSE_PX, measure_placement
 from benchmarks.rectify.cases import load_pages
 from benchmarks.rectify.sheet_experiments import CRUMPLED, FOLDED, GENTLE, LAMPS
 from benchmarks.sensitivity.replay import digest
-from services.arrays import GrayImage, RgbImage
+from services.arrays import RgbImage
 from services.contract.mosaic import MosaicParameters
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
-from services.layout.page import Page
-from services.layout.segmentation import segment_page
 from services.mosaic.pipeline import mosaic
-from services.ocr.engine import Word
-from services.ocr.tesseract import open_engine
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.pipeline import rectify
 from simulation.degradation import PHONE
@@ -61,49 +52,6 @@ class Step:
     packages: tuple[str, ...]
     error: str
     cases: Callable[[Path], Mapping[str, Case]]
-
-
-SEGMENTATION_SETS = {
-    "titles/real/jose": 1, "titles/real/juliacon": 1, "titles/real/rescience": 1, "titles/made/acm": 1,
-    "titles/made/elsevier": 1, "titles/made/ieee": 1, "titles/made/llncs": 1, "titles/made/revtex": 1,
-    "letters/made": 4,
-}  # fmt: skip
-"""Pages of each set, evenly spread over it. None of them is for measuring only."""
-SMALL_PAGE = 0.5
-"""Factor of the pages' size."""
-
-
-def segmentation_cases(data: Path) -> Mapping[str, Case]:
-    """Labelled pages at half size, with the engine's words where there is an engine."""
-    engine, memory = open_engine(), Memory(MEMORY)
-    cases = {}
-    for name, count in SEGMENTATION_SETS.items():
-        pages = load_set(name, str(data))
-        for place in np.linspace(0, len(pages) - 1, count + 2).astype(int)[1:-1] if pages else ():
-            page = pages[place]
-            gray = cv2.resize(
-                load_gray(page.image), None, fx=SMALL_PAGE, fy=SMALL_PAGE, interpolation=cv2.INTER_AREA
-            )
-            small = np.asarray(gray, np.uint8)
-            words = None if engine is None else memory.page_words(engine, small)
-            cases[page.name] = partial(_segment, small, words, _reduced(page.page))
-    return cases
-
-
-def _reduced(page: Page) -> Page:
-    zones = [
-        replace(zone, box=tuple(SMALL_PAGE * edge for edge in zone.box))  # type: ignore[arg-type]
-        for zone in page.zones
-    ]
-    return Page(page.width * SMALL_PAGE, page.height * SMALL_PAGE, tuple(zones))
-
-
-def _segment(gray: GrayImage, words: Sequence[Word] | None, truth: Page) -> Outcome:
-    found = segment_page(gray, words)
-    fates = match_zones(truth, found).fates
-    broken = sum(fate != "whole" for fate in fates)
-    boxes = [(zone.kind, *(round(edge, 3) for edge in zone.box)) for zone in found.zones]
-    return Outcome(100.0 * broken / max(len(fates), 1), digest(boxes))
 
 
 PHOTO_SIZE = (840, 1080)
@@ -246,13 +194,6 @@ _PLANE = ("services.texture_flow", "services.imaging", "services.geometry", "ser
 STEPS = {
     step.name: step
     for step in (
-        Step(
-            "segmentation",
-            ("services.layout.segmentation",),
-            ("services.layout.segmentation", "services.imaging"),
-            "true zones not whole, %",
-            segmentation_cases,
-        ),
         Step(
             "rectify",
             ("services.rectify", *_PLANE),

@@ -1,6 +1,6 @@
 """Which parameters matter: every numeric field of a step changed by -20 % and +20 %, on a few reduced cases.
 
-python -m benchmarks sensitivity --step segmentation|rectify|page_choice|mosaic [--only TEXT] [--cases N]
+python -m benchmarks sensitivity --step rectify|page_choice|mosaic [--only TEXT] [--cases N]
     [--minutes N] [--fresh]
 
 A field that changes no answer is tried at half and at twice its value too. What was measured is kept in
