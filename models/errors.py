@@ -58,7 +58,7 @@ class CameraNotFound(NotFound):
     """No camera of this name is remembered."""
 
 
-class JobNotFound(NotFound):
+class NoSuchJob(NotFound):
     """There is no job with this id, or it has expired."""
 
 

@@ -71,7 +71,7 @@ class ModelUndo:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UndoneFeedback:
+class FeedbackUndo:
     """What taking back the feedback on a result has done.
 
     `versions` has the version before and after for every model that changed; None after: the model has no version now.

@@ -14,7 +14,7 @@ from sqlalchemy import ColumnElement, Row, case, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from models.clocks import is_over, latest, oldest_first
-from models.errors import JobKeyReused, JobNotFound, QueueFull
+from models.errors import JobKeyReused, NoSuchJob, QueueFull
 from models.job_records import (
     FINAL_STATES,
     MOST_CALLBACK_WAIT_S,
@@ -106,15 +106,17 @@ class JobRepository(Transactions):
         if row is None:
             return None
         if row.digest != digest:
-            raise JobKeyReused("This key came with a different request before")
+            raise JobKeyReused(
+                "this Idempotency-Key came with a different request. Send a new key for new work"
+            )
         return stored_job(row)
 
     def job(self, job_id: str) -> StoredJob:
-        """A job that has not expired. Raises `JobNotFound`."""
+        """A job that has not expired. Raises `NoSuchJob`."""
         with self._glancing() as session:
             row = session.execute(READ, {"of_id": job_id}).one_or_none()
             if row is None or self._has_expired(row):
-                raise JobNotFound(f"there is no job {job_id[:64]!r}, or no longer", job_id)
+                raise NoSuchJob(f"there is no job {job_id[:64]!r}, or no longer", job_id)
             return stored_job(row)
 
     def job_revisions(self, job_ids: Sequence[str]) -> dict[str, int]:

@@ -34,7 +34,7 @@ _LATEST: Final = bindparam("latest", type_=UtcDateTime())
 _MAY_START: Final = (JOBS.c.state == "queued") & ((JOBS.c.ready_at <= _NOW) | (JOBS.c.ready_at > _LATEST))
 
 
-class Change:
+class StateChange:
     """An update of one row with a new revision. PostgreSQL notifies those who listen of it with the commit."""
 
     def __init__(self, statement: Update) -> None:
@@ -70,7 +70,7 @@ _NEXT: Final = (
     .limit(1)
     .with_for_update(skip_locked=True)
 )
-CLAIM: Final = Change(
+CLAIM: Final = StateChange(
     update(JOBS)
     .where(JOBS.c.id == _NEXT.scalar_subquery())
     .values(
@@ -95,10 +95,12 @@ _END: Final = update(JOBS).values(
     callback_at=case((JOBS.c.callback_url.is_(None), None), else_=_NOW),
     progress=case((_NEW_STATE == "succeeded", 1.0), else_=JOBS.c.progress),
 )
-END_BY_LEASE: Final = Change(
+END_BY_LEASE: Final = StateChange(
     _END.where(JOBS.c.id == bindparam("of_id"), JOBS.c.token == bindparam("of_token"))
 )
-END_BY_ANYBODY: Final = Change(_END.where(JOBS.c.id == bindparam("of_id"), JOBS.c.state.not_in(FINAL_STATES)))
+END_BY_ANYBODY: Final = StateChange(
+    _END.where(JOBS.c.id == bindparam("of_id"), JOBS.c.state.not_in(FINAL_STATES))
+)
 DELETE: Final = (
     delete(JOBS)
     .where(JOBS.c.id == bindparam("of_id"), JOBS.c.state.in_(FINAL_STATES))

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, encode_document
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
-from models.feedback_records import Lesson, ModelPast, ModelStep, ModelUndo, UndoneFeedback
+from models.feedback_records import FeedbackUndo, Lesson, ModelPast, ModelStep, ModelUndo
 from models.queries import (
     append_version,
     find_model,
@@ -126,7 +126,7 @@ class LessonRepository(Transactions):
 
     def undo_feedback(
         self, result_id: str, undone: Sequence[ModelUndo], seen: Set[str] | None = None
-    ) -> UndoneFeedback:
+    ) -> FeedbackUndo:
         """Delete the feedback on a result with its samples, and store the models without its lessons.
 
         This is one transaction. The result gets back the zones that were recognized. `undone` must have all models
@@ -150,7 +150,7 @@ class LessonRepository(Transactions):
             )
             revise_result(session, result_id, None)
             self._list_changes(session, versions, result_id)
-            return UndoneFeedback(tuple(feedback_ids), versions, samples)
+            return FeedbackUndo(tuple(feedback_ids), versions, samples)
 
 
 def require_feedback_seen(session: Session, result_id: str, seen: Set[str] | None) -> None:

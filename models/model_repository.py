@@ -28,9 +28,9 @@ from models.queries import (
 from models.records import (
     ANY,
     MAX_NAME,
+    ClassSummary,
     ExpectedVersion,
     ModelSettings,
-    ModelSummary,
     Origin,
     StoredModel,
     VersionSummary,
@@ -59,7 +59,7 @@ class ModelRepository(Transactions):
         with self._reading() as session:
             return session.execute(select(StateRow.revision)).scalar_one()
 
-    def models(self) -> list[ModelSummary]:
+    def models(self) -> list[ClassSummary]:
         """All document classes, by name."""
         with self._reading() as session:
             rows = session.execute(select(ModelRow, count_samples()).where(ModelRow.deleted_at.is_(None)))
@@ -78,7 +78,7 @@ class ModelRepository(Transactions):
                 return stored_model(row, samples, None)
             return stored_model(row, samples, find_version(session, row, version))
 
-    def model_summary(self, name: str) -> ModelSummary:
+    def model_summary(self, name: str) -> ClassSummary:
         """A class without its document. Raises `ModelNotFound`."""
         with self._reading() as session:
             row = find_model(session, name)

@@ -13,9 +13,9 @@ from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull,
 from models.records import (
     MAX_NAME,
     AnyVersion,
+    ClassSummary,
     ExpectedVersion,
     ModelSettings,
-    ModelSummary,
     Origin,
     ReviewDraft,
     SampleOrigin,
@@ -215,8 +215,8 @@ def settings_of(row: ModelRow) -> ModelSettings:
     )
 
 
-def model_summary(row: ModelRow, samples: int) -> ModelSummary:
-    return ModelSummary(row.name, row.version, samples, row.created_at, row.updated_at, settings_of(row))
+def model_summary(row: ModelRow, samples: int) -> ClassSummary:
+    return ClassSummary(row.name, row.version, samples, row.created_at, row.updated_at, settings_of(row))
 
 
 def stored_model(row: ModelRow, samples: int, version: VersionRow | None) -> StoredModel:

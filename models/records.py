@@ -53,7 +53,7 @@ class ModelSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class ModelSummary:
+class ClassSummary:
     """A document class without its document. `version` is None before initialization or import."""
 
     name: str
@@ -211,7 +211,7 @@ class Review:
 
 
 @dataclass(frozen=True, slots=True)
-class AuditEntry:
+class StoredAuditEntry:
     """Who changed what, and when; `who` is the name of an API key, None without keys."""
 
     id: str
@@ -236,7 +236,7 @@ class ResultDraft:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UnknownPage:
+class StoredUnknownPage:
     """A page that fitted no class, in the form of its result. The result `result_id` may have expired."""
 
     id: str

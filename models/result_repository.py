@@ -17,7 +17,7 @@ from models.records import (
     ResultState,
     ReviewDraft,
     StoredResult,
-    UnknownPage,
+    StoredUnknownPage,
     UnknownPageDraft,
 )
 from models.tables import FeedbackRow, ResultRow, UnknownPageRow
@@ -185,7 +185,7 @@ class ResultRepository(Transactions):
                     gone |= ResultRow.id <= last
             return cast(CursorResult[None], session.execute(delete(ResultRow).where(gone))).rowcount
 
-    def each_unknown_page(self) -> Iterator[UnknownPage]:
+    def each_unknown_page(self) -> Iterator[StoredUnknownPage]:
         """Iterates over the unknown pages that have not expired, oldest first. Few are in memory at a time."""
         with self._reading() as session:
             wanted = select(UnknownPageRow).where(UnknownPageRow.expires_at > self._clock())
@@ -194,7 +194,7 @@ class ResultRepository(Transactions):
                 yield _unknown_page(row)
                 session.expunge(row)
 
-    def unknown_page(self, page_id: str) -> UnknownPage:
+    def unknown_page(self, page_id: str) -> StoredUnknownPage:
         """One unknown page. Raises `UnknownPageNotFound`."""
         with self._reading() as session:
             row = session.get(UnknownPageRow, page_id) if is_ulid(page_id) else None
@@ -237,5 +237,5 @@ def _stored_result(row: ResultRow) -> StoredResult:
     return StoredResult(row.id, decode_document(row.document), row.created_at, row.expires_at, row.owner)
 
 
-def _unknown_page(row: UnknownPageRow) -> UnknownPage:
-    return UnknownPage(row.id, row.result_id, decode_document(row.document), row.created_at, row.owner)
+def _unknown_page(row: UnknownPageRow) -> StoredUnknownPage:
+    return StoredUnknownPage(row.id, row.result_id, decode_document(row.document), row.created_at, row.owner)

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from models.clocks import latest
 from models.documents import Document, decode_document, encode_document
 from models.errors import Claimed, ResultNotFound
-from models.records import AuditEntry, Review, ReviewDraft, ReviewOrder, ReviewState
+from models.records import Review, ReviewDraft, ReviewOrder, ReviewState, StoredAuditEntry
 from models.tables import AuditRow, FeedbackRow, ResultRow, ReviewRow
 from models.transactions import Transactions
 
@@ -207,7 +207,7 @@ class ReviewRepository(Transactions):
 
     def changes(
         self, limit: int, *, model: str | None = None, before: str | None = None
-    ) -> Sequence[AuditEntry]:
+    ) -> Sequence[StoredAuditEntry]:
         """Entries of the list of changes, newest first; of one model, and older than the entry `before`."""
         wanted = select(AuditRow).order_by(AuditRow.id.desc()).limit(limit)
         if model is not None:
@@ -216,7 +216,7 @@ class ReviewRepository(Transactions):
             wanted = wanted.where(AuditRow.id < before)
         with self._reading() as session:
             return [
-                AuditEntry(row.id, row.created_at, row.who, row.action, row.model, row.detail)
+                StoredAuditEntry(row.id, row.created_at, row.who, row.action, row.model, row.detail)
                 for row in session.execute(wanted).scalars()
             ]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from itertools import islice
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 from urllib.parse import urlencode
 
 from fastapi import Query, Request, Response
@@ -22,7 +22,7 @@ Cursor = Annotated[
         "since does no harm."
     ),
 ]
-LINK: dict[str, Any] = {
+LINK = {
     "Link": {
         "description": 'Path of the next part, as `<path>; rel="next"`; absent in the last part.',
         "schema": {"type": "string"},

@@ -198,11 +198,6 @@ def sniff_format(head: bytes) -> AnswerFormat | None:
     return None
 
 
-def may_have_pages(head: bytes) -> bool:
-    """Whether an upload with these first bytes may hold several pages: TIFF, or no known image (possibly a PDF)."""
-    return sniff_format(head) in ("tiff", None)
-
-
 def check_accepted(accept: str | None, media_type: str) -> None:
     """Check that something stored may be sent as `media_type`.
 

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 from app.engine.base import Busy
 from app.storage.layout_store import LayoutStore
-from models.errors import JobNotFound, StoreError
+from models.errors import NoSuchJob, StoreError
 from models.job_records import StoredJob
 
 log = logging.getLogger(__name__)
@@ -78,7 +78,7 @@ class Followers:
                     continue
                 try:
                     job = await self._store.call(lambda store: store.job(job.id))  # noqa: B023
-                except JobNotFound:
+                except NoSuchJob:
                     return
                 yield job
         finally:

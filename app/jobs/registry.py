@@ -18,8 +18,7 @@ from app.jobs.following import COME_AGAIN_S, Followers
 from app.jobs.stored_request import body_of, describe_request
 from app.storage.blobs import BlobAccess
 from app.storage.layout_store import LayoutStore
-from models.errors import JobKeyReused, QueueFull, StoreError
-from models.errors import JobNotFound as NoSuchJob
+from models.errors import JobKeyReused, NoSuchJob, QueueFull, StoreError
 from models.job_records import (
     JOB_BLOBS,
     JobBounds,
@@ -57,12 +56,6 @@ class JobCancelled(DocumentError):
     """The job was cancelled and will have no answer."""
 
     code = "cancelled"
-
-
-class KeyReused(DocumentError):
-    """An Idempotency-Key came with a different request before."""
-
-    code = "conflict"
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,14 +142,11 @@ class Jobs:
 
         Raises
         ------
-        KeyReused
+        JobKeyReused
             When the key came with a different request.
         """
         key = _repeat_key(request.key, owner)
-        try:
-            return await self._store.call(lambda store: store.repeated_job(key, request.digest))
-        except JobKeyReused:
-            raise _key_reused() from None
+        return await self._store.call(lambda store: store.repeated_job(key, request.digest))
 
     async def accept(
         self,
@@ -171,7 +161,7 @@ class Jobs:
         ------
         Busy
             When too much is unfinished already.
-        KeyReused
+        JobKeyReused
         """
         parts, most_bytes, content_type = await body_of(request)
         await self.require_room(owner, most_bytes)
@@ -201,7 +191,7 @@ class Jobs:
 
         Raises
         ------
-        Busy, KeyReused
+        Busy, JobKeyReused
         StoreUnavailable
             Also where it is not known whether the job was stored.
         """
@@ -232,7 +222,7 @@ class Jobs:
             raise _busy(full) from None
         except JobKeyReused:
             await self._forget(unneeded)
-            raise _key_reused() from None
+            raise
         if is_new:
             await self._work.announce()
         else:
@@ -333,7 +323,3 @@ def _repeat_key(key: str, owner: str | None) -> str:
 
 def _busy(full: QueueFull) -> Busy:
     return Busy(f"The queue is full: {full.detail}. Send the request again later.", COME_AGAIN_S)
-
-
-def _key_reused() -> KeyReused:
-    return KeyReused("This Idempotency-Key came with a different request. Send a new key for new work.")

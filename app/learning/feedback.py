@@ -36,8 +36,11 @@ from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
 from models.feedback_records import FeedbackDraft, ModelChange, ModelUndo, StoredFeedback
 from models.records import ModelSettings, StoredSample
 from models.repository import Store
+from services.contract.answers.learning import FeedbackReport, FoundAndVerified
+from services.contract.answers.page import Warning
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, Correction, VerifiedPage
+from services.contract.page_json import PageJson
 from services.errors import InvalidOption
 
 MOST_TRIES = 32
@@ -111,16 +114,17 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
     unknown_page = state.store.unknown_page(verified.page, given.owner) if is_unknown else None
     right = next((model for model in models if model.name == verified.verified_class), None)
     shown = await _corrected(state, given, adaptation)
+    warnings += await asyncio.to_thread(_new_labels, right, adaptation)
+    if not adaptation.zones:
+        warnings.append(NOTHING_LEARNED)
     draft = replace(
-        _draft(given, adaptation),
+        _draft(given, adaptation, warnings),
         unknown_page=unknown_page,
         lesson=lesson_document(verified, adaptation, models),
         revised={"page": verified.page, "result": shown},
         review=place_of_verified(shown),
         may_create_class=given.is_new_class,
     )
-    warnings += await asyncio.to_thread(_new_labels, right, adaptation)
-    draft = replace(draft, report={**draft.report, "warnings": warnings})
     return await state.store.call(
         lambda store: store.add_feedback(
             draft,
@@ -131,6 +135,12 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
             seen=given.seen,
         )
     )
+
+
+NOTHING_LEARNED = Warning(
+    code="nothing-learned",
+    detail="The page has no zones, so no model learned from it. Send `zones` with their labels to teach it.",
+)
 
 
 async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptation) -> dict[str, Any]:
@@ -163,9 +173,7 @@ def _settings_of(store: Store, name: str | None) -> ModelSettings | None:
         return None
 
 
-async def _without_earlier(
-    state: AppState, result_id: str
-) -> tuple[dict[str, ModelUndo], list[dict[str, str]]]:
+async def _without_earlier(state: AppState, result_id: str) -> tuple[dict[str, ModelUndo], list[Warning]]:
     """The models without the earlier lessons on this result, by name; a warning if these cannot be taken back."""
     try:
         return {undo.name: undo for undo in await models_without(state, result_id)}, []
@@ -173,10 +181,10 @@ async def _without_earlier(
         return {}, []
     except (NotUndoable, JobTimedOut) as error:
         detail = f"The models keep what an earlier feedback on this result taught them. {error.detail}"
-        return {}, [{"code": "earlier-lesson-kept", "detail": detail}]
+        return {}, [Warning(code="earlier-lesson-kept", detail=detail)]
 
 
-def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[dict[str, str]]:
+def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[Warning]:
     """Warnings about labels that the class has not had yet, each with the nearest existing label."""
     if model is None:
         return []
@@ -191,14 +199,14 @@ def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[dic
             f"The class {model.name} had no label {label!r} before.{hint} If it is a mistake, send DELETE for this "
             "feedback."
         )
-        warnings.append({"code": "new-label", "detail": detail})
+        warnings.append(Warning(code="new-label", detail=detail))
     return warnings
 
 
 def _read_models(
     store: Store,
     result_id: str,
-    verified: VerifiedPage[dict[str, Any]],
+    verified: VerifiedPage[PageJson],
     undone: Mapping[str, ModelUndo],
     *,
     may_be_new: bool,
@@ -235,21 +243,22 @@ def _read_models(
     return models, samples
 
 
-def _draft(given: GivenFeedback, adaptation: Adaptation) -> FeedbackDraft:
+def _draft(given: GivenFeedback, adaptation: Adaptation, warnings: list[Warning]) -> FeedbackDraft:
     verified, texts = given.verified, given.texts
-    report = {
-        "class": {"found": verified.found_class, "verified": verified.verified_class},
-        "zones": adaptation.zones,
-        "wrong": adaptation.wrong,
-        "costs": adaptation.costs,
-        "texts": texts,
-        "verdicts": given.verdicts(adaptation),
-    }
+    report = FeedbackReport(
+        **{"class": FoundAndVerified(found=verified.found_class, verified=verified.verified_class)},
+        zones=adaptation.zones,
+        wrong=adaptation.wrong,
+        costs=adaptation.costs,
+        texts=list(texts),
+        verdicts=given.verdicts(adaptation),
+        warnings=warnings,
+    )
     return FeedbackDraft(
         result_id=given.result_id,
         key=given.key,
         request=given.request,
-        report=report,
+        report=report.model_dump(mode="json"),
         found_class=verified.found_class,
         verified_class=verified.verified_class,
         zones=adaptation.zones,
@@ -257,6 +266,6 @@ def _draft(given: GivenFeedback, adaptation: Adaptation) -> FeedbackDraft:
         class_wrong=verified.found_class != verified.verified_class,
         sample=adaptation.sample if verified.verified_class is not None and adaptation.zones else None,
         owner=given.owner,
-        letters=sum(max(len(each["found"]), len(each["verified"])) for each in texts) if texts else None,
-        wrong_letters=sum(each["edits"] for each in texts) if texts else None,
+        letters=sum(max(len(each.found), len(each.verified)) for each in texts) if texts else None,
+        wrong_letters=sum(each.edits for each in texts) if texts else None,
     )

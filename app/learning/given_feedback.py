@@ -10,7 +10,9 @@ from app.schemas.layout import known_result
 from app.schemas.layout_feedback import FeedbackBody
 from app.state import AppState
 from models.records import RECOGNIZED, recognized
+from services.contract.answers.learning import GivenText
 from services.contract.layout_learning import Adaptation, VerifiedPage
+from services.contract.page_json import PageJson
 from services.errors import InvalidOption
 
 _MOST_NAMED = 20
@@ -31,9 +33,9 @@ class GivenFeedback:
     owner: str | None
     seen: Set[str]
     document: Mapping[str, Any]
-    verified: VerifiedPage[dict[str, Any]]
+    verified: VerifiedPage[PageJson]
     zones: list[dict[str, Any]]
-    texts: list[dict[str, Any]]
+    texts: list[GivenText]
 
     @property
     def recognized(self) -> Mapping[str, Any]:
@@ -49,7 +51,7 @@ class GivenFeedback:
             if RECOGNIZED in self.document and zone.get("text_confidence") == 1.0
         }
         kept = (zone["id"] for zone in self.zones if zone["text"] == before.get(zone["id"]))
-        return frozenset((*kept, *(each["zone"] for each in self.texts)))
+        return frozenset((*kept, *(each.zone for each in self.texts)))
 
     @property
     def is_new_class(self) -> bool:
@@ -60,7 +62,7 @@ class GivenFeedback:
         """What the person said of the zones that were recognized."""
         verified = self.verified
         kept = {str(zone["id"]) for zone in verified.page["zones"]}
-        wrong = {str(each["zone"]) for each in adaptation.wrong}
+        wrong = {each.zone for each in adaptation.wrong}
         class_is_right = verified.found_class == verified.verified_class
         result = known_result(self.recognized["result"])
         return [] if result is None else verdicts_of(result, wrong, kept, class_is_right=class_is_right)
@@ -133,7 +135,7 @@ def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[d
     ]
 
 
-def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[dict[str, Any]]:
+def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[PageJson]:
     """The page of a stored result, with the feedback applied to what the result shows; drawn zones are not in it yet.
 
     Raises

@@ -11,10 +11,11 @@ from starlette.datastructures import FormData, UploadFile
 
 from app.http.ocr_languages import chosen_language
 from app.settings import Settings
+from services.contract.images import DocumentLimits
 from services.contract.layout import LayoutSettings
 from services.errors import DocumentError, InvalidOption, TooLarge
 
-LABELLED_PAGE_BODY: dict[str, Any] = {
+LABELLED_PAGE_BODY = {
     "requestBody": {
         "required": True,
         "content": {
@@ -67,12 +68,10 @@ class LabelledPageUpload:
 def layout_settings(settings: Settings) -> LayoutSettings:
     """Limits of a page, and settings of its recognition."""
     return LayoutSettings(
-        image=settings.image_limits,
+        document=DocumentLimits(settings.image_limits, settings.max_pages, settings.max_document_megapixels),
         max_zones=settings.max_zones,
         max_zones_file_bytes=settings.max_zones_file_bytes,
         content_features=settings.content_features,
-        max_pages=settings.max_pages,
-        max_document_megapixels=settings.max_document_megapixels,
         language=chosen_language(None, settings),
     )
 

@@ -11,6 +11,7 @@ from app.state import AppState
 from models.records import StoredSample
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, Learner, VerifiedPage
+from services.contract.page_json import PageJson
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +24,7 @@ class Taught:
 
 async def teach(
     state: AppState,
-    verified: VerifiedPage[dict[str, Any]],
+    verified: VerifiedPage[PageJson],
     models: Sequence[ModelDocument],
     samples: Sequence[StoredSample] | None,
 ) -> Taught:
@@ -48,7 +49,7 @@ async def teach(
 
 
 def lesson_document(
-    verified: VerifiedPage[dict[str, Any]], adaptation: Adaptation, models: Sequence[ModelDocument]
+    verified: VerifiedPage[PageJson], adaptation: Adaptation, models: Sequence[ModelDocument]
 ) -> dict[str, Any] | None:
     """The lesson as it is stored, with the labels of all zones; None for a page without zones: it teaches nothing."""
     if not adaptation.zones:
@@ -65,7 +66,7 @@ def lesson_document(
     }
 
 
-def lesson_page(lesson: Mapping[str, Any]) -> VerifiedPage[dict[str, Any]]:
+def lesson_page(lesson: Mapping[str, Any]) -> VerifiedPage[PageJson]:
     """The verified page of a stored lesson."""
     return VerifiedPage(
         lesson["page"],

@@ -20,7 +20,7 @@ from app.learning.samples import newest_samples
 from app.state import AppState
 from app.storage.layout_store import document_of, packed_model
 from models.errors import VersionConflict
-from models.feedback_records import Lesson, ModelPast, ModelStep, ModelUndo, UndoneFeedback
+from models.feedback_records import FeedbackUndo, Lesson, ModelPast, ModelStep, ModelUndo
 from models.records import StoredSample
 from models.repository import Store
 from services.contract.layout import ModelDocument
@@ -41,7 +41,7 @@ class NotUndoable(DocumentError):
     code = "conflict"
 
 
-async def undo_feedback(state: AppState, result_id: str) -> UndoneFeedback:
+async def undo_feedback(state: AppState, result_id: str) -> FeedbackUndo:
     """Take the feedback on a result back from every model that learned from it, and delete it with its sample.
 
     Raises

@@ -1,26 +1,24 @@
 """Example documents that several operations of the OpenAPI document show."""
 
-from typing import Any
-
 WHEN = "2026-11-22T09:30:00Z"
 RESULT = "01M7ZZQ4ZN38G37138FEXHE2T7"
 SAMPLE = "01M80AWXT7S4QAHS1WR3QVD0RK"
 JOB = "5f0c8a3be1d94d0f8a7b6c5d4e3f2a1b"
-TIMINGS: dict[str, Any] = {"decode": 42.0, "texture_flow": 310.2}
-ORIENTATION: dict[str, Any] = {
+TIMINGS = {"decode": 42.0, "texture_flow": 310.2}
+ORIENTATION = {
     "rotation_deg": 0,
     "mirrored": False,
     "confidence": 0.95,
     "photo_rotation_deg": 1.4,
 }
 CORNERS = [[[102.3, 88.1], [2207.9, 95.4]], [[96.0, 3010.2], [2215.5, 3002.8]]]
-PAGE: dict[str, Any] = {
+PAGE = {
     "width": 1240,
     "height": 1754,
     "zones": [{"id": "z1", "box": [140, 345, 388, 390], "label": "receiver", "text": "Mr. A. Smith"}],
 }
-CLASS: dict[str, Any] = {"name": "letter", "model_version": 7, "cost": 12.4, "probability": 0.97}
-ZONE: dict[str, Any] = {
+CLASS = {"name": "letter", "model_version": 7, "cost": 12.4, "probability": 0.97}
+ZONE = {
     "id": "z1",
     "box": [140.0, 345.0, 388.0, 390.0],
     "label": "receiver",
@@ -45,7 +43,7 @@ ZONE: dict[str, Any] = {
     "text": "Mr. A. Smith",
     "content": {"name": 0.9},
 }
-LAYOUT: dict[str, Any] = {
+LAYOUT = {
     "id": RESULT,
     "width": 1240,
     "height": 1754,
@@ -71,7 +69,7 @@ LAYOUT: dict[str, Any] = {
     "warnings": [],
     "timings_ms": {"decode": 18.0, "match": 21.4},
 }
-FLAT: dict[str, Any] = {
+FLAT = {
     "photo": {"width": 2304, "height": 3072},
     "corners": [[96.2, 80.4], [2210.1, 88.9], [2219.8, 3010.5], None],
     "orientation": ORIENTATION,
@@ -79,7 +77,7 @@ FLAT: dict[str, Any] = {
     "height": 2968,
     "mesh": {"rows": 2, "columns": 2, "source": CORNERS},
 }
-RECTIFIED: dict[str, Any] = {
+RECTIFIED = {
     "kind": "planar",
     "evidence": {
         "major_convergence": 0.0019,
@@ -105,7 +103,7 @@ RECTIFIED: dict[str, Any] = {
     "image": None,
     "image_media_type": None,
 }
-MOSAIC: dict[str, Any] = {
+MOSAIC = {
     "width": 2480,
     "height": 3508,
     "base": 0,
@@ -136,7 +134,7 @@ MOSAIC: dict[str, Any] = {
     "image": None,
     "image_media_type": None,
 }
-ACCEPTED: dict[str, Any] = {
+ACCEPTED = {
     "id": JOB,
     "state": "queued",
     "stage": None,
@@ -149,9 +147,9 @@ ACCEPTED: dict[str, Any] = {
     "links": {"result": f"/jobs/{JOB}/result", "events": f"/jobs/{JOB}/events"},
     "poll_after_s": 1,
     "callback_url": None,
-    "deliveries": [],
+    "deliveries": list[str](),
 }
-HEALTH: dict[str, Any] = {
+HEALTH = {
     "feedbacks": 60,
     "recent": 50,
     "recent_zone_error": 0.012,
@@ -160,8 +158,8 @@ HEALTH: dict[str, Any] = {
     "earlier_zone_error": 0.034,
     "last_feedback": WHEN,
 }
-FOUND: dict[str, Any] = {"found": "letter", "verified": "letter"}
-DATE: dict[str, Any] = {
+FOUND = {"found": "letter", "verified": "letter"}
+DATE = {
     "type": "date",
     "pattern": None,
     "order": "MDY",
@@ -170,20 +168,20 @@ DATE: dict[str, Any] = {
     "currency": None,
     "decimal": None,
 }
-SETTINGS: dict[str, Any] = {
+SETTINGS = {
     "learner": "passive-aggressive",
     "genre": None,
     "continues": None,
     "fields": {"date": DATE},
     "elements": {"subject": "h1"},
 }
-VERSIONS: dict[str, Any] = {"name": "letter", "old_version": 7, "new_version": 8}
-MODEL: dict[str, Any] = {
+VERSIONS = {"name": "letter", "old_version": 7, "new_version": 8}
+MODEL = {
     "format": "layout-graph-model",
     "format_version": 1,
     "name": "letter",
     "nodes": [{"label": None}, {"label": "receiver"}],
 }
-RECEIPT: dict[str, Any] = {"id": SAMPLE, "model": "letter", "zones": 1, "labels": {"receiver": 1}}
-IMPORTED: dict[str, Any] = {"name": "letter", "version": 8, "labels": ["receiver"]}
-UNKNOWN: dict[str, Any] = {"id": SAMPLE, "result": RESULT, "created": WHEN}
+RECEIPT = {"id": SAMPLE, "model": "letter", "zones": 1, "labels": {"receiver": 1}}
+IMPORTED = {"name": "letter", "version": 8, "labels": ["receiver"]}
+UNKNOWN = {"id": SAMPLE, "result": RESULT, "created": WHEN}

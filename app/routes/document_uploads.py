@@ -6,9 +6,9 @@ from dataclasses import replace
 from fastapi import UploadFile
 
 from app.engine.base import TimeLimit
-from app.http.representations import SNIFFED_BYTES, may_have_pages
+from app.http.representations import SNIFFED_BYTES, sniff_format
 from app.settings import Settings
-from services.contract.images import DocumentLimits
+from services.contract.images import AnswerFormat, DocumentLimits
 from services.errors import TooLarge, UnsupportedMediaType
 
 
@@ -59,7 +59,13 @@ def check_not_empty(images: Sequence[UploadFile]) -> None:
         raise UnsupportedMediaType("The uploaded file is empty.", "image")
 
 
-async def _may_have_pages(image: UploadFile) -> bool:
+async def format_of(image: UploadFile) -> AnswerFormat | None:
+    """Response format for an upload, by its first bytes; None for no image that is known."""
     head = await image.read(SNIFFED_BYTES)
     await image.seek(0)
-    return may_have_pages(head)
+    return sniff_format(head)
+
+
+async def _may_have_pages(image: UploadFile) -> bool:
+    """Whether it may hold several pages: TIFF, or no known image (possibly a PDF)."""
+    return await format_of(image) in ("tiff", None)

@@ -1,7 +1,7 @@
 """/jobs: state, result and cancellation of long work."""
 
 from collections.abc import AsyncIterator
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 from starlette.responses import StreamingResponse
@@ -33,7 +33,7 @@ _JSON_RESULTS = [
         "Proposals",
     )
 ]
-_POLLING: dict[str, Any] = {
+_POLLING = {
     "headers": {
         "Retry-After": {
             "description": "While the work lasts: seconds until the next request makes sense.",

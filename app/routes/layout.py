@@ -2,7 +2,7 @@
 
 import asyncio
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
 
@@ -20,7 +20,7 @@ from app.http.representations import (
 from app.learning.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.review.decisions import tolerated_errors_of
 from app.routes.common_responses import FORM, IMAGE, STORE, WORK
-from app.routes.document_uploads import check_not_empty, document_time_limit
+from app.routes.document_uploads import check_not_empty, document_limits, document_time_limit
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.schemas.layout import LayoutForm, parse_names, stored_form
@@ -47,14 +47,14 @@ SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png":
 """What the file names of results add to that of the upload."""
 _STRING = {"schema": {"type": "string"}}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
-OTHER_CONTENT: dict[str, Any] = {
+OTHER_CONTENT = {
     "application/zip": _BINARY,
     "application/xml": _STRING,
     "image/png": _BINARY,
     "text/html": _STRING,
 }
 """Answers that are not JSON, for the OpenAPI document."""
-HEADERS: dict[str, Any] = {
+HEADERS = {
     "Document-Class": {"description": "Name of the class; absent when `class` is null.", **_STRING},
     "Document-Result": {"description": "Path of the stored result as JSON.", **_STRING},
     "Document-Scale": {
@@ -213,8 +213,7 @@ async def _decide(state: AppState, result: LayoutResult) -> None:
 
 def _limits(settings: Settings) -> LayoutSettings:
     """Limits of /layout: one file may be a whole document, so it may be as large as the whole body."""
-    limits = layout_settings(settings)
-    return replace(limits, image=replace(limits.image, max_bytes=settings.max_document_upload_bytes))
+    return replace(layout_settings(settings), document=document_limits(settings))
 
 
 def check_parts(form: LayoutForm, max_pages: int) -> None:

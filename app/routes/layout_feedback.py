@@ -17,22 +17,19 @@ from app.routes.common_responses import BODY, READING, WORK
 from app.routes.model_answers import IdempotencyKey
 from app.schemas.layout_feedback import (
     AdaptedModel,
-    CostChange,
     Feedback,
     FeedbackBody,
     FeedbackEntry,
     FeedbackList,
     FeedbackVersions,
-    FoundAndVerified,
-    GivenText,
     UndoneFeedback,
     UndoneModel,
-    WrongLabel,
 )
 from app.schemas.layout_models import ModelName
 from app.state import State
 from models.errors import ResultNotFound
 from models.feedback_records import FeedbackSummary, StoredFeedback
+from services.contract.answers.learning import FeedbackReport, FoundAndVerified
 from services.contract.answers.page import Warning
 
 router = APIRouter(tags=["layout feedback"])
@@ -166,32 +163,29 @@ def _undone_models(versions: Mapping[str, tuple[int | None, int | None]]) -> lis
 
 
 def _answer(feedback: StoredFeedback, warnings: Sequence[Warning]) -> Feedback:
-    costs = {told["model"]: told for told in feedback.report["costs"]}
-
-    def cost(model: str, labelling: str) -> CostChange | None:
-        return CostChange(**costs[model][labelling]) if model in costs else None
-
+    report = FeedbackReport.model_validate(feedback.report)
+    costs = {each.model: each for each in report.costs}
     return Feedback(
         id=feedback.id,
         result=feedback.result_id,
         created=feedback.created,
-        **{"class": FoundAndVerified(**feedback.report["class"])},
-        zones=feedback.report["zones"],
-        wrong=[WrongLabel(**told) for told in feedback.report["wrong"]],
-        texts=[GivenText(**told) for told in feedback.report.get("texts", [])],
+        **{"class": report.class_},
+        zones=report.zones,
+        wrong=report.wrong,
+        texts=report.texts,
         models=[
             AdaptedModel(
                 name=name,
                 old_version=old,
                 new_version=new,
-                cost_found=cost(name, "found"),
-                cost_verified=cost(name, "verified"),
+                cost_found=costs[name].found if name in costs else None,
+                cost_verified=costs[name].verified if name in costs else None,
             )
             for name, (old, new) in sorted(feedback.versions.items())
         ],
         taken_back=_undone_models(feedback.taken_back),
         sample=feedback.sample_id,
-        warnings=[*(Warning(**told) for told in feedback.report.get("warnings", [])), *warnings],
+        warnings=[*report.warnings, *warnings],
     )
 
 

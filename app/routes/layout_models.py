@@ -2,7 +2,7 @@
 
 import json
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field
@@ -37,7 +37,7 @@ from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout/models", tags=["layout models"])
 
-_MODEL: dict[str, Any] = {
+_MODEL = {
     "type": "object",
     "title": "LayoutModel",
     "description": "A layout graph model, as GET exports it.",

@@ -1,8 +1,7 @@
 """/layout/unknown-pages and /layout/proposals: pages that fit no class, and proposed changes of the classes."""
 
-from functools import partial
 from itertools import islice
-from typing import Annotated, Any
+from typing import Annotated, cast
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -15,13 +14,15 @@ from app.http.problems import documented
 from app.learning.labelled_pages import layout_settings
 from app.routes.common_responses import BODY, READING, STORE, WORK
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.schemas.layout_proposals import Proposals, UnknownPage, UnknownPageList, UnknownPageSummary
+from app.schemas.layout_proposals import UnknownPage, UnknownPageList, UnknownPageSummary
 from app.schemas.options import CallbackUrl
 from app.state import State
 from models.errors import UnknownPageNotFound
-from models.records import UnknownPage as StoredUnknownPage
+from models.records import StoredUnknownPage
 from models.repository import Store
+from services.contract.answers.proposals import Merge, NewClass, Proposals, Split
 from services.contract.layout_models import MOST_COMPARED_SAMPLES, PageDocument
+from services.contract.page_json import SampleJson
 from services.progress import ProgressSink
 
 router = APIRouter(prefix="/layout", tags=["layout proposals"])
@@ -125,13 +126,13 @@ async def propose_layout_classes(
             progress=progress,
         )
         request.state.seat.release()
-        for key, steps in (
-            ("new_classes", _steps_to_a_class),
-            ("merges", _steps_to_merge),
-            ("splits", _steps_to_split),
-        ):
-            found[key] = [{**each, "next": steps(each)} for each in found[key]]
-        return await answer_json(partial(Proposals.model_validate, found))
+        for group in found.new_classes:
+            group.next = _steps_to_a_class(group)
+        for merge in found.merges:
+            merge.next = _steps_to_merge(merge)
+        for split in found.splits:
+            split.next = _steps_to_split(split)
+        return await answer_json(lambda: found)
 
     return await answer_now_or_later(request, state, work)
 
@@ -147,19 +148,21 @@ def _own_page(store: Store, page_id: str, caller: Caller) -> StoredUnknownPage:
 def _read_all(store: Store, caller: Caller) -> tuple[list[PageDocument], dict[str, list[PageDocument]]]:
     """The caller's unknown pages, newest first, and samples of every model."""
     pages = [page for page in store.each_unknown_page() if caller.sees(page.owner)]
-    unknown = [PageDocument(page.id, page.page) for page in pages[::-1]]
+    unknown = [PageDocument(page.id, cast(SampleJson, page.page)) for page in pages[::-1]]
     names = [model.name for model in store.models() if model.samples]
     each = max(LEAST_SAMPLES, min(MOST_COMPARED_SAMPLES, MOST_SAMPLES_TOGETHER // max(1, len(names))))
     classes = {}
     for name in names[: MOST_SAMPLES_TOGETHER // LEAST_SAMPLES]:
         newest = islice(store.each_sample(name, newest_first=True), each)
-        classes[name] = [PageDocument(sample.id, sample.document) for sample in newest][::-1]
+        classes[name] = [PageDocument(sample.id, cast(SampleJson, sample.document)) for sample in newest][
+            ::-1
+        ]
     return unknown, classes
 
 
-def _steps_to_a_class(found: dict[str, Any]) -> list[str]:
+def _steps_to_a_class(found: NewClass) -> list[str]:
     return [
-        f"GET /layout/unknown-pages/{found['typical']}: label its zones, and give the recurring zones of the other "
+        f"GET /layout/unknown-pages/{found.typical}: label its zones, and give the recurring zones of the other "
         "pages the same labels.",
         "POST /layout/models/{name}/samples with each labelled page, under the name of the new class.",
         "POST /layout/models/{name}/initialize to make its first model.",
@@ -167,9 +170,9 @@ def _steps_to_a_class(found: dict[str, Any]) -> list[str]:
     ]
 
 
-def _steps_to_merge(found: dict[str, Any]) -> list[str]:
-    kept, gone = found["models"]
-    rename = " with its labels renamed as `labels` says" if found["labels"] else ""
+def _steps_to_merge(found: Merge) -> list[str]:
+    kept, gone = found.models
+    rename = " with its labels renamed as `labels` says" if found.labels else ""
     return [
         f"GET /layout/models/{gone}/samples/{{id}}, then POST /layout/models/{kept}/samples: each sample{rename}.",
         f"POST /layout/models/{kept}/initialize to make a model from all samples.",
@@ -177,8 +180,8 @@ def _steps_to_merge(found: dict[str, Any]) -> list[str]:
     ]
 
 
-def _steps_to_split(found: dict[str, Any]) -> list[str]:
-    name = found["model"]
+def _steps_to_split(found: Split) -> list[str]:
+    name = found.model
     return [
         f"GET /layout/models/{name}/samples/{{id}}, then POST /layout/models/{{other}}/samples: each sample of the "
         "smaller part, and other samples that belong to it but were not compared.",

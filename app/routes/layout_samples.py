@@ -20,7 +20,6 @@ from app.schemas.layout_models import ModelName
 from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
 from app.state import State
 from models.records import StoredSample
-from services.contract.answers.page import Warning
 
 router = APIRouter(prefix="/layout/models/{name}/samples", tags=["layout models"], route_class=FormRoute)
 
@@ -77,7 +76,7 @@ async def add_layout_sample(
         model=name,
         zones=len(sample.document["zones"]),
         labels=count_labels([sample.document]),
-        warnings=[Warning(**warning) for warning in warnings],
+        warnings=warnings,
     )
     headers = {"Location": f"/layout/models/{name}/samples/{sample.id}"} if sample.created else {}
     return Response(

@@ -16,7 +16,7 @@ from app.routes.common_responses import BODY, READING, WORK
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
 from app.routes.model_answers import ETAG, IfMatch
 from app.schemas.layout_models import ModelName
-from app.schemas.layout_training import Round, TrainBody, TrainedModel
+from app.schemas.layout_training import TrainBody, TrainedModel
 from app.schemas.options import CallbackUrl
 from app.state import AppState, State
 from app.storage.layout_store import document_of
@@ -130,16 +130,9 @@ async def _train_newest_version(
         changed=version != model.version,
         samples=len(samples),
         learner=model.settings.learner,
-        rounds=[
-            Round(round=each.number, error=round(each.error, 4), held_out_error=_rounded(each.held_out_error))
-            for each in report.rounds
-        ],
+        rounds=list(report.rounds),
         kept_round=report.kept_round,
         stopped=report.stopped,
     )
     headers = {"ETag": entity_tag(version)}
     return Response(answer.model_dump_json(), headers=headers, media_type="application/json")
-
-
-def _rounded(error: float | None) -> float | None:
-    return None if error is None else round(error, 4)

@@ -16,7 +16,6 @@ from app.routes.model_answers import ETAG, IfMatch
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_versions import (
     MOST_VERSION,
-    Change,
     Difference,
     RestoredModel,
     RollbackBody,
@@ -113,7 +112,7 @@ async def layout_model_diff(
         version=new.version,
         against=old.version,
         total=difference.total,
-        changes=[Change(**change) for change in difference.changes],
+        changes=difference.changes,
     )
 
 

@@ -40,7 +40,7 @@ ACCEPTED: dict[int | str, dict[str, Any]] = {
     }
 }
 """OpenAPI response of a route that may start a job."""
-PREFER: dict[str, Any] = {
+PREFER = {
     "parameters": [
         {
             "name": "Prefer",

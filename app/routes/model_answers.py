@@ -1,6 +1,6 @@
 """Headers that the routes of layout models have in common."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Header
 from pydantic import Field
@@ -26,9 +26,5 @@ IdempotencyKey = Annotated[
     ),
 ]
 
-ETAG: dict[str, Any] = {
-    "ETag": {"description": "The version in quotes; for If-Match.", "schema": {"type": "string"}}
-}
-LOCATION: dict[str, Any] = {
-    "Location": {"description": "Path of the new resource.", "schema": {"type": "string"}}
-}
+ETAG = {"ETag": {"description": "The version in quotes; for If-Match.", "schema": {"type": "string"}}}
+LOCATION = {"Location": {"description": "Path of the new resource.", "schema": {"type": "string"}}}

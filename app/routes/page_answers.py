@@ -10,15 +10,14 @@ from app.http.json_answers import JSON, answer_json
 from app.http.problems import described_problem, documented
 from app.http.representations import (
     MEDIA_TYPES,
-    SNIFFED_BYTES,
     choose_format,
     choose_pages_formats,
     content_disposition,
     file_stem,
     image_headers,
-    sniff_format,
 )
 from app.routes.common_responses import FORM, IMAGE, WORK
+from app.routes.document_uploads import format_of
 from app.routes.long_work import ACCEPTED
 from services.contract.answers.rectify import FailedPage, PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES as PAGES_MEDIA_TYPES
@@ -35,8 +34,8 @@ from services.contract.images import (
 
 Documentation = dict[int | str, dict[str, Any]]
 
-BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
-_HEADERS: dict[str, Any] = {
+BINARY = {"schema": {"type": "string", "format": "binary"}}
+_HEADERS = {
     "Document-Rotation": {
         "description": "Clockwise degrees by which the page was turned upright.",
         "schema": {"type": "string", "enum": ["0", "90", "180", "270"]},
@@ -44,7 +43,7 @@ _HEADERS: dict[str, Any] = {
     "Document-Warnings": {"description": "Codes, separated by commas.", "schema": {"type": "string"}},
     "Server-Timing": {"description": "Milliseconds of each stage.", "schema": {"type": "string"}},
 }
-_PAGES_HEADERS: dict[str, Any] = {
+_PAGES_HEADERS = {
     "Document-Rotation": {
         "description": "Clockwise degrees by which each page was turned upright, separated by commas.",
         "schema": {"type": "string", "pattern": "^(0|90|180|270)(, (0|90|180|270))*$"},
@@ -140,7 +139,7 @@ async def choose_encoding(request: Request, asked: AskedEncoding, photo: UploadF
     NotAcceptable
         When `Accept` allows no format.
     """
-    accept, own = request.headers.get("accept"), await _format_of(photo)
+    accept, own = request.headers.get("accept"), await format_of(photo)
     return _encoding_of(asked, photo, choose_format(asked.format, accept, own), "pdf")
 
 
@@ -152,16 +151,9 @@ async def choose_pages_encoding(request: Request, asked: AskedPagesEncoding, pho
     NotAcceptable
         When `Accept` allows no format.
     """
-    accept, own = request.headers.get("accept"), await _format_of(photo)
+    accept, own = request.headers.get("accept"), await format_of(photo)
     single, several = choose_pages_formats(asked.format, accept, own)
     return replace(_encoding_of(asked, photo, single, several), archive=asked.archive)
-
-
-async def _format_of(photo: UploadFile) -> AnswerFormat | None:
-    """Format of an upload by its first bytes."""
-    head = await photo.read(SNIFFED_BYTES)
-    await photo.seek(0)
-    return sniff_format(head)
 
 
 def _encoding_of(

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from app.schemas.layout_models import NameInBody
+from services.contract.answers.learning import CostChange, FoundAndVerified, GivenText, WrongLabel
 from services.contract.answers.page import Answer, Warning
 from services.contract.layout import LONGEST_LABEL
 
@@ -83,37 +84,6 @@ class FeedbackBody(BaseModel):
         return self
 
 
-class FoundAndVerified(Answer):
-    """The found class and the verified class; null: none."""
-
-    found: str | None
-    verified: str | None
-
-
-class WrongLabel(Answer):
-    """A zone whose label was wrong."""
-
-    zone: str
-    found: str | None
-    verified: str | None
-
-
-class CostChange(Answer):
-    """Cost of one labelling of the page under a model, before and after it adapted; null: no such version."""
-
-    before: float | None
-    after: float | None
-
-
-class GivenText(Answer):
-    """A text that the person gave, and the one that was read there."""
-
-    zone: str
-    found: str
-    verified: str
-    edits: int = Field(ge=0, description="Letters to insert, delete or replace.")
-
-
 class AdaptedModel(Answer):
     """A model that learned from the feedback.
 
@@ -175,7 +145,8 @@ class Feedback(Answer):
     )
     warnings: list[Warning] = Field(
         description="`new-label`: a label that the class did not have. `earlier-lesson-kept`: earlier feedback on the "
-        "result could not be taken back. `rolled-back`, `replaced`: a repeated feedback is not in effect any more."
+        "result could not be taken back. `nothing-learned`: the page has no zones. `rolled-back`, `replaced`: a "
+        "repeated feedback is not in effect any more."
     )
 
 

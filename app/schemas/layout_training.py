@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.options import WHOLE
+from services.contract.answers.learning import Round
 from services.contract.answers.page import Answer
 from services.contract.layout_learning import Learner, Stop
 
@@ -19,16 +20,6 @@ class TrainBody(BaseModel):
 
     rounds: Annotated[int, Field(ge=1, le=MOST_ROUNDS), WHOLE] = Field(
         default=3, description="Largest number of passes over all samples; three as in Figure 5.7."
-    )
-
-
-class Round(Answer):
-    """Errors after one round, as shares of zones; round 0 is initialization from the samples."""
-
-    round: int = Field(ge=0)
-    error: float = Field(ge=0, le=1, description="On the training samples.")
-    held_out_error: float | None = Field(
-        ge=0, le=1, description="On held-out samples; null: too few samples to hold one out."
     )
 
 

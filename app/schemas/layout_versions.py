@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.options import WHOLE
+from services.contract.answers.learning import Change
 from services.contract.answers.page import Answer
 
 MOST_VERSION = 2**31 - 1
@@ -52,21 +53,6 @@ class RestoredModel(Answer):
         description="Ids of the remaining samples that came after that version; `drop_later_samples` deletes them."
     )
     dropped_samples: int = Field(ge=0, description="Number of samples that were deleted.")
-
-
-class Change(Answer):
-    """One number of a model that changed; null where it did not exist."""
-
-    part: Literal["node", "edge", "model"]
-    labels: list[str | None] = Field(
-        description="Label of the node, or of the upper and lower node of the edge; null: the node of unlabelled zones."
-    )
-    attribute: str = Field(
-        description="The number: `left:value`, `left:variance`, `content:date`, `cost`, `count:2`, `zones` of a "
-        "node; `top-top:above` of an edge; `weight:left`, `calibration:mean`, `samples` of the model."
-    )
-    old: float | None
-    new: float | None
 
 
 class Difference(Answer):

@@ -21,6 +21,7 @@ from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
 from services.contract.answers.layout import Decision, LayoutResult
 from services.contract.layout import MOST_MODEL_BYTES, ModelDocument
+from services.contract.page_json import PageJson
 from services.errors import InvalidOption
 from services.heap import release_freed_memory
 
@@ -291,7 +292,7 @@ class LayoutStore:
         await self._purge_when_due(len(ids))
         return ids
 
-    def unknown_page(self, page: dict[str, Any], owner: str | None) -> UnknownPageDraft:
+    def unknown_page(self, page: PageJson, owner: str | None) -> UnknownPageDraft:
         """A page that fits no class, with the store's limits for such pages."""
         return UnknownPageDraft(page, self._results.max_unknown_pages, self._results.unknown_ttl_s, owner)
 

@@ -19,7 +19,7 @@ from benchmarks.common.options import make_parser
 from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
 from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.classes import CLASSES
-from benchmarks.layout.jobs import measure_all
+from benchmarks.layout.jobs import KeptResults, measure_all
 from benchmarks.layout.labelling import LETTERS, TITLES
 from benchmarks.layout.learning_curve import LEARNING, draw_curves
 from benchmarks.layout.part import Part, Results, choose_parts
@@ -93,7 +93,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     reading = ReadingOptions(None if options.fresh else MEMORY, not options.no_reading)
     specimens = segment_all(specimens, reading, options.workers)
-    results = measure_all({name: PARTS[name] for name in parts}, specimens, options.workers, _SLOWEST_FIRST)
+    kept = KeptResults(None if options.fresh else MEMORY / NAME, specimens)
+    results = measure_all(
+        {name: PARTS[name] for name in parts}, specimens, options.workers, _SLOWEST_FIRST, kept
+    )
     figures: Figures = {}
     for part in parts:
         print(f"===== {part} =====\n\n{PARTS[part].report(results[part])}\n")

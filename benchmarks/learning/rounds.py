@@ -220,7 +220,7 @@ def _measure_kept(trial: _Trial, seen: Sequence[Views]) -> Result:
         pages = [[view.labelled for view in views] for views in samples]
         model, training = run_rounds(begin_at, pages, trial.rounds[-1], trial.learner)
         kept.append(training.kept_round)
-        run.append(training.rounds[-1].number)
+        run.append(training.rounds[-1].round)
         first = begin(samples)
         for page in (labelled(seen[index][0].page) for index in tested):
             before += wrong_zones(first, page)

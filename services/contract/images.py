@@ -60,7 +60,8 @@ class ImageLimits:
 class DocumentLimits:
     """Limits of a document of several pages: of each file and page, of their number, and of all together.
 
-    `image.max_bytes` is that of one file, which may be a whole document.
+    `image.max_bytes` is that of one file, which may be a whole document. Pages are decoded one at a time, so
+    `max_megapixels` limits time, not memory; 20 pages of A4 at 300 dpi have 174.
     """
 
     image: ImageLimits = field(default_factory=ImageLimits)

@@ -8,8 +8,9 @@ from typing import Any, Literal
 from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.fields import FieldSetting
 from services.contract.html import HtmlElement
-from services.contract.images import ImageLimits
+from services.contract.images import DocumentLimits
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
+from services.contract.page_json import PageJson
 
 LayoutFormat = Literal["json", "pagexml", "alto", "png", "html"]
 
@@ -55,18 +56,16 @@ class LayoutOptions:
 
 @dataclass(frozen=True, slots=True)
 class LayoutSettings:
-    """Limits of one page (image, zones, zones file) and of one document, and the settings for content features.
+    """Limits of the pages of one document (pictures, zones, zones file), and the settings for content features.
 
     `content_features` is the operator's settings file; None: the file of this package. `language` is what OCR reads in
     images of samples (None: the default).
     """
 
-    image: ImageLimits = field(default_factory=ImageLimits)
+    document: DocumentLimits = field(default_factory=DocumentLimits)
     max_zones: int = 500
     max_zones_file_bytes: int = 8 * 2**20
     content_features: Path | None = None
-    max_pages: int = 20
-    max_document_megapixels: float = 200.0
     language: str | None = None
 
 
@@ -111,8 +110,8 @@ class KeptResult:
     the settings of the class name.
     """
 
-    document: dict[str, Any]
-    page: dict[str, Any]
+    document: Mapping[str, Any]
+    page: PageJson
     name: str
     picture: bytes = b""
     elements: Mapping[str, HtmlElement] = field(default_factory=dict)
@@ -139,7 +138,7 @@ class LayoutReply:
     body: bytes
     media_type: str
     answer: LayoutResult
-    page: dict[str, object]
+    page: PageJson
     picture: bytes = b""
     drawn: DrawnPage | None = None
 
@@ -149,7 +148,7 @@ class DocumentPage:
     """One page of a document: its answer without the id, the page with all measurements, and its picture."""
 
     answer: LayoutResult
-    page: dict[str, object]
+    page: PageJson
     picture: bytes = b""
 
 

@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Literal, TypeVar
 
+from services.contract.answers.learning import GivenText, LabellingCosts, Round, WrongLabel
 from services.contract.fields import FieldSetting
+from services.contract.page_json import PageJson, SampleJson
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """Algorithms by which a model learns from a verified page; `services.layout.learning.learners` implements them."""
@@ -67,10 +69,9 @@ class Adaptation:
     documents
         The new document of every model that learned, by name.
     wrong
-        The zones with a wrong label, each `{"zone", "found", "verified"}`.
+        The zones with a wrong label.
     costs
-        The costs of both labellings under each model,
-        `{"model", "found": {"before", "after"}, "verified": {"before", "after"}}`.
+        The costs of both labellings under each model.
     sample
         The verified page, in the form of `measure_sample`.
     zones
@@ -78,9 +79,9 @@ class Adaptation:
     """
 
     documents: dict[str, dict[str, Any]]
-    wrong: list[dict[str, Any]]
-    costs: list[dict[str, Any]]
-    sample: dict[str, Any]
+    wrong: list[WrongLabel]
+    costs: list[LabellingCosts]
+    sample: SampleJson
     zones: int
 
 
@@ -88,13 +89,12 @@ class Adaptation:
 class RevisedPage:
     """A page with the zones or texts of a person: the page with all measurements, and the `zones` of its result.
 
-    `texts` are those that the person gave, each `{"zone", "found", "verified", "edits"}`: what was read there, and the
-    number of letters to insert, delete or replace.
+    `texts` are those that the person gave.
     """
 
-    page: dict[str, Any]
+    page: PageJson
     zones: list[dict[str, Any]]
-    texts: list[dict[str, Any]]
+    texts: list[GivenText]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,21 +126,12 @@ class Correction:
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
-    """Errors after a round of training, as shares of zones; `held_out_error` is None when no page was held out.
+class TrainingReport:
+    """All rounds of a training, the round whose model is kept, and why training ended.
 
     Round 0 is initialization from the samples. If the model has learned from more pages than these, round 0 is the
     unchanged model.
     """
-
-    number: int
-    error: float
-    held_out_error: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingReport:
-    """All rounds of a training, the round whose model is kept, and why training ended."""
 
     rounds: tuple[Round, ...]
     kept_round: int

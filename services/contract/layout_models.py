@@ -1,7 +1,10 @@
 """Input and output of operations on layout models: initialization, comparison, proposals."""
 
 from dataclasses import dataclass
-from typing import Any
+
+from services.contract.answers.learning import Change
+from services.contract.answers.page import Warning
+from services.contract.page_json import SampleJson
 
 MOST_COMPARED_SAMPLES = 24
 """Largest number of samples of a class that proposals read, the newest ones; more do not change the mean costs and
@@ -14,10 +17,10 @@ second of a day), so that samples and versions say by which one they were measur
 
 @dataclass(frozen=True, slots=True)
 class MeasuredSample:
-    """A labelled page in its stored form, and the `warnings` of the HTTP contract about its file of zones."""
+    """A labelled page in its stored form, and warnings about its file of zones."""
 
-    document: dict[str, object]
-    warnings: list[dict[str, str]]
+    document: SampleJson
+    warnings: list[Warning]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +33,10 @@ class ModelDraft:
 
 @dataclass(frozen=True, slots=True)
 class ModelDifference:
-    """Differences between two versions of a model: their number `total`, and the largest ones as `changes`.
-
-    Each change is `{"part", "labels", "attribute", "old", "new"}`; see `services.operations.layout_diff`.
-    """
+    """Differences between two versions of a model: their number `total`, and the largest ones as `changes`."""
 
     total: int
-    changes: list[dict[str, Any]]
+    changes: list[Change]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,4 +44,4 @@ class PageDocument:
     """A stored page (an unknown page or a sample): its id and its document."""
 
     id: str
-    document: dict[str, Any]
+    document: SampleJson

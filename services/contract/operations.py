@@ -5,11 +5,13 @@
 from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar
 
+from services.contract.answers.proposals import Proposals
 from services.contract.images import PageReply
 from services.contract.kept_pages import RenderedPage
 from services.contract.layout import DocumentReply, LayoutReply, RenderedResults
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft
+from services.contract.page_json import SampleJson
 
 T = TypeVar("T")
 
@@ -42,16 +44,12 @@ class Operations:
     )
     resize_kept_picture: Operation[bytes] = Operation("services.operations.kept_picture:resize_kept_picture")
     render_results: Operation[RenderedResults] = Operation("services.operations.layout_files:render_results")
-    measure_sample: Operation[dict[str, object]] = Operation(
-        "services.operations.layout_models:measure_sample"
-    )
+    measure_sample: Operation[SampleJson] = Operation("services.operations.layout_models:measure_sample")
     measure_sample_file: Operation[MeasuredSample] = Operation(
         "services.operations.layout_models:measure_sample_file"
     )
-    remeasure_sample: Operation[dict[str, object]] = Operation(
-        "services.operations.layout_models:remeasure_sample"
-    )
-    import_sample: Operation[dict[str, object]] = Operation("services.operations.layout_models:import_sample")
+    remeasure_sample: Operation[SampleJson] = Operation("services.operations.layout_models:remeasure_sample")
+    import_sample: Operation[SampleJson] = Operation("services.operations.layout_models:import_sample")
     initialize_model: Operation[ModelDraft] = Operation(
         "services.operations.layout_models:initialize_from_samples"
     )
@@ -66,9 +64,7 @@ class Operations:
         "services.operations.layout_learning:train_model"
     )
     compare_models: Operation[ModelDifference] = Operation("services.operations.layout_diff:compare_models")
-    propose_classes: Operation[dict[str, Any]] = Operation(
-        "services.operations.layout_discovery:propose_classes"
-    )
+    propose_classes: Operation[Proposals] = Operation("services.operations.layout_discovery:propose_classes")
     warm_up: Operation[dict[str, object]] = Operation("services.operations.warming:warm_up")
 
     @property

@@ -3,37 +3,23 @@
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from services.arrays import RgbImage
-from services.contract.images import ImageLimits
+from services.contract.images import DocumentLimits, ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.codec import DecodedImage, UploadFormat, count_pixels, decode_image, detect_format
-from services.imaging.pdf_drawing import PdfLimits, PdfPages, open_pdf
+from services.imaging.pdf_drawing import PDF_LIMITS, PdfLimits, PdfPages, open_pdf
 
 RENDER_DPI = 200.0
 """Resolution for rendering PDF pages: print of 8 pt is 22 px high, and a page of A4 has 3.9 megapixels."""
 _POINTS_PER_INCH = 72.0
 _PDF_MARK, _PDF_MARK_WITHIN = b"%PDF-", 1024
 """The header may follow other bytes (PDF 1.7, implementation note 13)."""
-
-
-@dataclass(frozen=True, slots=True)
-class PageLimits:
-    """Limits of each page of a document, of their number, and of all together; `TooLarge` if one is exceeded.
-
-    Pages are decoded one at a time, so the limit on all megapixels limits time, not memory.
-    """
-
-    image: ImageLimits = field(default_factory=ImageLimits)
-    max_pages: int = 20
-    max_megapixels: float = 200.0
-    """20 pages of A4 at 300 dpi are 174."""
-    pdf: PdfLimits = field(default_factory=PdfLimits)
 
 
 class PagePicture(NamedTuple):
@@ -94,7 +80,12 @@ class PageSource:
 
 @contextmanager
 def open_pages(
-    uploads: Sequence[bytes], limits: PageLimits, only: int | None = None, *, lenient: bool = False
+    uploads: Sequence[bytes],
+    limits: DocumentLimits,
+    only: int | None = None,
+    *,
+    lenient: bool = False,
+    pdf: PdfLimits = PDF_LIMITS,
 ) -> Iterator[list[PageSource]]:
     """All pages of `uploads` in their order, or `only` one of them, counted from 1; they are there inside of the block.
 
@@ -117,7 +108,7 @@ def open_pages(
             file: _File
             try:
                 with naming_page(*_label(index, 0, len(uploads), several=False)):
-                    file = stack.enter_context(_open_file(upload, limits, most + 1 - len(pages)))
+                    file = stack.enter_context(_open_file(upload, limits.image, pdf, most + 1 - len(pages)))
                     sizes = file.sizes()
             except DocumentError as error:
                 if not lenient or len(uploads) == 1:
@@ -136,7 +127,7 @@ def open_pages(
         yield pages
 
 
-def _check_together(pages: Sequence[PageSource], limits: PageLimits) -> None:
+def _check_together(pages: Sequence[PageSource], limits: DocumentLimits) -> None:
     if len(pages) > limits.max_pages:
         raise TooLarge(
             f"image: a document may have {limits.max_pages} pages (MAX_PAGES), and this one has more; send fewer, "
@@ -257,23 +248,23 @@ class _Unreadable:
 
 
 @contextmanager
-def _open_file(data: bytes, limits: PageLimits, most: int) -> Iterator[_File]:
+def _open_file(data: bytes, limits: ImageLimits, pdf: PdfLimits, most: int) -> Iterator[_File]:
     if is_pdf(data) and not _is_image(data):
-        if len(data) > limits.image.max_bytes:
-            raise TooLarge(f"The PDF has {len(data)} bytes; the limit is {limits.image.max_bytes}.")
-        with open_pdf(len(data), limits.image.max_pixels, limits.pdf) as pages:
-            yield _Pdf(pages, limits.image, pages.open(data, most))
+        if len(data) > limits.max_bytes:
+            raise TooLarge(f"The PDF has {len(data)} bytes; the limit is {limits.max_bytes}.")
+        with open_pdf(len(data), limits.max_pixels, pdf) as pages:
+            yield _Pdf(pages, limits, pages.open(data, most))
         return
     try:
         upload_format, _ = detect_format(data)
     except UnsupportedMediaType as error:
         raise UnsupportedMediaType(error.detail.replace(" image.", " image, nor a PDF.")) from error
     if upload_format != "tiff":
-        yield _Image(data, limits.image)
+        yield _Image(data, limits)
         return
-    if len(data) > limits.image.max_bytes:
-        raise TooLarge(f"The image has {len(data)} bytes; the limit is {limits.image.max_bytes}.")
-    yield _Tiff(data, limits.image, containers.tiff_pages(data, limits.image.max_pixels, most))
+    if len(data) > limits.max_bytes:
+        raise TooLarge(f"The image has {len(data)} bytes; the limit is {limits.max_bytes}.")
+    yield _Tiff(data, limits, containers.tiff_pages(data, limits.max_pixels, most))
 
 
 def _is_image(data: bytes) -> bool:

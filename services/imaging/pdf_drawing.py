@@ -42,6 +42,9 @@ class PdfLimits:
     """Address space. The interpreter and the libraries take 150 MB, the bitmap of 64 megapixels 256 MB."""
 
 
+PDF_LIMITS = PdfLimits()
+
+
 class PdfPages:
     """The pages of a PDF; made by `open_pdf`."""
 

@@ -25,10 +25,11 @@ from services.operations.pages_reply import (
     bind_pages,
     choose_target,
     encode_page,
+    make_page_reply,
 )
 from services.operations.rectify import flatten_picture
 from services.operations.reduced_views import reduce_picture, reduced_size
-from services.operations.replies import SourceFacts, make_reply, rounded, timed
+from services.operations.replies import SourceFacts, rounded, timed
 from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.held_corners import with_margin
 from services.rectify.view.view_plan import PlannedView, unpack_plan
@@ -50,14 +51,14 @@ def render_kept_page(kept: KeptPage, wish: PageWish, encoding: Encoding) -> tupl
     timings_ms: dict[str, float] = {}
     bundle = open_bundle(kept.bundle)
     if wish.corners is not None:
-        kept = analyse_again(kept, bundle, wish)
+        with timed("analysis", timings_ms):
+            kept = analyse_again(kept, bundle, wish)
         page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms)
         changed = RenderedPage(kept.document, kept.bundle)
     else:
         page, source = draw_kept(kept, bundle, wish, encoding, timings_ms)
         changed = RenderedPage(_wished(kept.document, wish))
-    reply = make_reply(page.image, page.answer, page.source(source), encoding, timings_ms)
-    return reply, changed
+    return make_page_reply(page, source, encoding, timings_ms), changed
 
 
 def bind_kept_pages(pages: Sequence[KeptPage], encoding: Encoding) -> PageReply:

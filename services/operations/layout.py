@@ -110,7 +110,7 @@ def recognize_upload(
 
 
 def _decode(image: bytes, settings: LayoutSettings) -> PagePicture:
-    picture = decode_image(image, settings.image)
+    picture = decode_image(image, settings.document.image)
     return PagePicture(picture.pixels, picture.focal_length_px)
 
 
@@ -276,10 +276,13 @@ def _encode(
 def _blank_page(page: Page, settings: LayoutSettings) -> RgbImage:
     """A white image of the page's size, for zones without an image."""
     width, height = max(1, math.ceil(page.width)), max(1, math.ceil(page.height))
-    if width * height > settings.image.max_pixels or max(width, height) > settings.image.max_side_px:
+    if (
+        width * height > settings.document.image.max_pixels
+        or max(width, height) > settings.document.image.max_side_px
+    ):
         raise TooLarge(
             f"format: a page of {width} x {height} pixels is too large to be drawn; "
-            f"the limit is {settings.image.max_megapixels:g} megapixels.",
+            f"the limit is {settings.document.image.max_megapixels:g} megapixels.",
             "format",
         )
     return np.full((height, width, 3), 255, np.uint8)

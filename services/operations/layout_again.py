@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
+from services.contract.page_json import PageJson
 from services.layout.pipeline import content_features, recognize, with_believable_labels
 from services.layout.recognition.documents import Part, place_again, place_page
 from services.operations.layout import MeasuredPage, describe_page
@@ -25,7 +26,7 @@ FOUND_AGAIN = (
 
 
 def recognize_again(
-    page: dict[str, Any],
+    page: PageJson,
     models: Sequence[ModelDocument],
     settings: LayoutSettings,
     words: bool,

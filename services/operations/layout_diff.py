@@ -8,9 +8,9 @@ attribute. Numbers without an effect on costs (numbers of zones and samples) com
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
+from services.contract.answers.learning import Change
 from services.contract.layout import ModelDocument
 from services.contract.layout_models import ModelDifference
 from services.layout.graph.edge_attributes import RELATIONS
@@ -24,20 +24,11 @@ V = TypeVar("V")
 _DESCRIPTORS = {relation.name: relation.descriptors for relation in RELATIONS}
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
-    """One number that differs; `old` or `new` is None when that version does not have the number.
+class SizedChange(NamedTuple):
+    """One number that differs; `size` is the largest effect on the cost, infinite for an added or removed node."""
 
-    `labels` has the label of a node, or the labels of an edge's upper and lower node (None is null), or is empty for
-    a number of the whole model. `size` is the largest effect on the cost, infinite for an added or removed node.
-    """
-
-    part: Literal["node", "edge", "model"]
-    labels: tuple[str | None, ...]
-    attribute: str
-    old: float | None
-    new: float | None
     size: float
+    change: Change
 
 
 def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDifference:
@@ -50,21 +41,11 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
     """
     before, after = read_model(old), read_model(new)
     changes = [*_model_changes(before, after), *_node_changes(before, after), *_edge_changes(before, after)]
-    changes.sort(key=lambda change: -change.size)
-    described: list[dict[str, object]] = [
-        {
-            "part": change.part,
-            "labels": list(change.labels),
-            "attribute": change.attribute,
-            "old": change.old,
-            "new": change.new,
-        }
-        for change in changes[:most]
-    ]
-    return ModelDifference(len(changes), described)
+    changes.sort(key=lambda each: -each.size)
+    return ModelDifference(len(changes), [each.change for each in changes[:most]])
 
 
-def _model_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
+def _model_changes(old: LayoutModel, new: LayoutModel) -> Iterator[SizedChange]:
     yield from _number("model", (), "samples", old.samples, new.samples, 0.0)
     a, b = old.calibration, new.calibration
     size = abs(b.mean - a.mean) / a.deviation
@@ -76,17 +57,17 @@ def _model_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
         yield from _number("model", (), f"weight:{name}", was, became, _distance(was, became))
 
 
-def _node_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
+def _node_changes(old: LayoutModel, new: LayoutModel) -> Iterator[SizedChange]:
     nodes = _both({node.label: node for node in old.nodes}, {node.label: node for node in new.nodes})
     for label, was, became in nodes:
         if was is None or became is None:  # an added or removed node is one change
             sizes = (None if was is None else was.zones, None if became is None else became.zones)
-            yield Change("node", (label,), "zones", *sizes, math.inf)
+            yield from _number("node", (label,), "zones", *sizes, math.inf)
         elif was != became:
             yield from _changes_of_node(was, became, old.scales)
 
 
-def _changes_of_node(old: ModelNode, new: ModelNode, scales: Mapping[str, float]) -> Iterator[Change]:
+def _changes_of_node(old: ModelNode, new: ModelNode, scales: Mapping[str, float]) -> Iterator[SizedChange]:
     labels = (old.label,)
     yield from _number("node", labels, "zones", old.zones, new.zones, 0.0)
     yield from _number(
@@ -110,7 +91,7 @@ def _changes_of_expectation(
     old: NumericExpectation | None,
     new: NumericExpectation | None,
     scale: float,
-) -> Iterator[Change]:
+) -> Iterator[SizedChange]:
     """Changes of the value and the variance of a numeric attribute. An added or removed one has size 1 deviation."""
     value_size, variance_size = scale, 0.0
     if old is not None and new is not None:
@@ -121,7 +102,7 @@ def _changes_of_expectation(
     yield from _number("node", labels, f"{name}:variance", was[1], became[1], variance_size)
 
 
-def _edge_changes(old: LayoutModel, new: LayoutModel) -> Iterator[Change]:
+def _edge_changes(old: LayoutModel, new: LayoutModel) -> Iterator[SizedChange]:
     kept = set(old.labels) & set(new.labels)
     for (upper, lower), was, became in _both(_edges(old), _edges(new)):
         if was == became or not {upper, lower} <= kept:  # added and removed nodes are listed already
@@ -150,10 +131,11 @@ def _number(
     old: float | None,
     new: float | None,
     size: float,
-) -> Iterator[Change]:
+) -> Iterator[SizedChange]:
     """The change of one number; nothing if it is equal."""
     if old != new:
-        yield Change(part, labels, attribute, old, new, size)
+        change = Change(part=part, labels=list(labels), attribute=attribute, old=old, new=new)
+        yield SizedChange(size, change)
 
 
 def _both(old: Mapping[K, V], new: Mapping[K, V]) -> Iterator[tuple[K, V | None, V | None]]:

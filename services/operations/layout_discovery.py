@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from services.contract.answers.proposals import LookedAt, Merge, ModelPart, NewClass, Proposals, Split
 from services.contract.layout import LayoutSettings
 from services.contract.layout_models import PageDocument
 from services.layout.content.content_features import ContentFeatures
@@ -26,8 +27,8 @@ from services.progress import report_progress
 
 def propose_classes(
     unknown: Sequence[PageDocument], classes: Mapping[str, Sequence[PageDocument]], settings: LayoutSettings
-) -> dict[str, Any]:
-    """Proposals for the set of classes, from the unknown pages and the samples of all classes, as JSON.
+) -> Proposals:
+    """Proposals for the set of classes, from the unknown pages and the samples of all classes.
 
     The work is limited: the first unknown pages up to a number of zones, 24 evenly chosen samples of each class, and
     the 100 most similar pairs of classes are compared. Stored pages that exceed the present limits are left out.
@@ -62,37 +63,32 @@ def propose_classes(
             ids = [pages[at][0].id for at in taken]
             parts = zip(split.parts, split.typical, strict=True)
             splits.append(
-                {
-                    "model": name,
-                    "parts": [
-                        {"samples": [ids[at] for at in part], "typical": ids[typical]}
+                Split(
+                    model=name,
+                    parts=[
+                        ModelPart(samples=[ids[at] for at in part], typical=ids[typical])
                         for part, typical in parts
                     ],
-                    "gain": round(split.gain, 3),
-                    "better": round(split.better, 3),
-                }
+                    gain=round(split.gain, 3),
+                    better=round(split.better, 3),
+                    next=[],
+                )
             )
     report_progress("pairs_of_classes", 0.8)
     merges = [
-        {
-            "models": [merge.first, merge.second],
-            "fit": round(merge.fit, 3),
-            "unsure": round(merge.unsure, 3),
-            "agreement": round(merge.agreement, 3),
-            "labels": merge.labels,
-        }
+        Merge(
+            models=[merge.first, merge.second],
+            fit=round(merge.fit, 3),
+            unsure=round(merge.unsure, 3),
+            agreement=round(merge.agreement, 3),
+            labels=merge.labels,
+            next=[],
+        )
         for merge in propose_merges(gathered)
     ]
-    return {
-        "new_classes": new,
-        "merges": merges,
-        "splits": splits,
-        "looked_at": {
-            "unknown_pages": len(graphs),
-            "models": len(gathered),
-            "samples": sum(len(each.samples) for each in gathered),
-        },
-    }
+    compared = sum(len(each.samples) for each in gathered)
+    looked_at = LookedAt(unknown_pages=len(graphs), models=len(gathered), samples=compared)
+    return Proposals(new_classes=new, merges=merges, splits=splits, looked_at=looked_at)
 
 
 def _without_repeats(known: Sequence[tuple[str, Page]]) -> list[tuple[str, Page]]:
@@ -104,16 +100,17 @@ def _without_repeats(known: Sequence[tuple[str, Page]]) -> list[tuple[str, Page]
     return list(first.values())
 
 
-def _describe_group(group: PageGroup, known: Sequence[tuple[str, Page]]) -> dict[str, object]:
-    return {
-        "pages": [known[page][0] for page in group.pages],
-        "typical": known[group.typical][0],
-        "cohesion": round(group.cohesion, 3),
-        "recurring_zones": [
+def _describe_group(group: PageGroup, known: Sequence[tuple[str, Page]]) -> NewClass:
+    return NewClass(
+        pages=[known[page][0] for page in group.pages],
+        typical=known[group.typical][0],
+        cohesion=round(group.cohesion, 3),
+        recurring_zones=[
             {known[page][0]: known[page][1].zones[zone].id for page, zone in recurring.zones.items()}
             for recurring in group.recurring
         ],
-    }
+        next=[],
+    )
 
 
 def _read(document: Any, limits: ExchangeLimits, features: ContentFeatures) -> Page | None:

@@ -16,7 +16,7 @@ from services.contract.layout import (
     ModelDocument,
 )
 from services.errors import InvalidOption, NotAcceptable
-from services.imaging.page_images import PageLimits, PageSource, naming_page, open_pages
+from services.imaging.page_images import PageSource, naming_page, open_pages
 from services.layout.exchange.page_json import page_to_document
 from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
@@ -84,8 +84,7 @@ def recognize_uploads(
     """
     if zones is not None or zones_file is not None or not images:
         return recognize_upload(images[0] if images else None, zones, zones_file, models, options, settings)
-    limits = PageLimits(settings.image, settings.max_pages, settings.max_document_megapixels)
-    with open_pages(images, limits, options.page) as pages:
+    with open_pages(images, settings.document, options.page) as pages:
         if len(pages) == 1:
             return recognize_picture(pages[0].decode, None, None, models, options, settings)
         _check_format(options, len(pages))

@@ -7,9 +7,11 @@ from typing import Any
 
 from rapidfuzz.distance import Levenshtein
 
+from services.contract.answers.learning import GivenText, LabellingCosts, WrongLabel
 from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDraft
+from services.contract.page_json import PageJson, SampleJson
 from services.errors import InvalidOption
 from services.layout.content.content_features import content_features
 from services.layout.exchange.page_json import page_from_document, page_to_document
@@ -23,13 +25,13 @@ from services.layout.page import InvalidLayout, Page
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_zones
 from services.operations.page_zones import exchange_limits, read_kept_page
-from services.operations.replies import rounded, to_json_ready
+from services.operations.replies import to_json_ready
 from services.operations.stored_models import read_model
 from services.progress import report_progress
 
 
 def adapt_models(
-    verified: VerifiedPage[dict[str, Any]], models: Sequence[ModelDocument], settings: LayoutSettings
+    verified: VerifiedPage[PageJson], models: Sequence[ModelDocument], settings: LayoutSettings
 ) -> Adaptation:
     """The models of the found and of the verified class, adapted to a verified page.
 
@@ -71,12 +73,12 @@ def adapt_models(
     return Adaptation(
         documents={name: model_to_document(each.model) for name, each in learned.items()},
         wrong=[
-            {"zone": zone.id, "found": verified.found_labels.get(zone.id), "verified": zone.label}
+            WrongLabel(zone=zone.id, found=verified.found_labels.get(zone.id), verified=zone.label)
             for zone in zones
             if zone.label != verified.found_labels.get(zone.id) and verified.verified_class is not None
         ],
         costs=[
-            {"model": name, "found": _costs(each.found), "verified": _costs(each.verified)}
+            LabellingCosts(model=name, found=each.found, verified=each.verified)
             for name, each in learned.items()
         ],
         sample=_sample(replace(read.page, zones=zones), read.found_page),
@@ -84,7 +86,7 @@ def adapt_models(
     )
 
 
-def _sample(verified: Page, found: Page | None) -> dict[str, object]:
+def _sample(verified: Page, found: Page | None) -> SampleJson:
     """The stored form of a verified page, with the found zones as its second view where a person drew others."""
     document = sample_document(verified)
     if found is not None:
@@ -93,7 +95,7 @@ def _sample(verified: Page, found: Page | None) -> dict[str, object]:
 
 
 def train_model(
-    model: ModelDocument, samples: Sequence[dict[str, Any]], rounds: int, settings: LayoutSettings
+    model: ModelDocument, samples: Sequence[SampleJson], rounds: int, settings: LayoutSettings
 ) -> tuple[ModelDraft, TrainingReport]:
     """The model after at most `rounds` rounds over its samples, and the errors of each round.
 
@@ -118,7 +120,7 @@ def train_model(
     return draft_of(trained), report
 
 
-def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
+def revise_page(page: PageJson, zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
     """The page of a stored result with the zones or texts of a person.
 
     Parameters
@@ -154,12 +156,12 @@ def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: Lay
             for zone in describe_zones(revised, [(each, each.label, 1.0, None) for each in revised.zones])
         ],
         texts=[
-            {
-                "zone": given.id,
-                "found": before.text,
-                "verified": given.text,
-                "edits": Levenshtein.distance(before.text, given.text),
-            }
+            GivenText(
+                zone=given.id,
+                found=before.text,
+                verified=given.text,
+                edits=Levenshtein.distance(before.text, given.text),
+            )
             for given, before in zip(drawn.zones, read.zones, strict=True)
             if given.text
         ],
@@ -173,10 +175,3 @@ def _check_labels(name: str, labels: set[str | None]) -> None:
             f"labels: model {name} would have {number} different labels; a model may have {MOST_LABELS}.",
             "labels",
         )
-
-
-def _costs(cost: feedback.LabellingCosts) -> dict[str, float | None]:
-    return {
-        "before": None if cost.before is None else rounded(cost.before),
-        "after": None if cost.after is None else rounded(cost.after),
-    }

@@ -6,11 +6,12 @@ The app stores samples and models; the functions here take and return them as JS
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Final, cast
 
 from services.arrays import RgbImage
 from services.contract.layout import LayoutSettings
 from services.contract.layout_models import SEGMENTATION, MeasuredSample, ModelDraft
+from services.contract.page_json import SampleJson
 from services.errors import DocumentError, InvalidModel, InvalidOption
 from services.imaging.codec import decode_image
 from services.layout.exchange.page_json import page_from_document, page_to_document
@@ -23,13 +24,13 @@ from services.operations.page_zones import check_frame, exchange_limits, read_fi
 from services.operations.reader import ocr_engine
 from services.operations.replies import describe_warnings, to_json_ready
 
-FOUND = "found"
+FOUND: Final = "found"
 """Key of a sample's second view: the zones that segmentation finds in its image, with the verified labels."""
-MEASURED_BY = "segmentation"
+MEASURED_BY: Final = "segmentation"
 """Key of the name of the segmentation that looked at a sample's image."""
 
 
-def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> dict[str, object]:
+def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) -> SampleJson:
     """A labelled page with all measurements and texts, as JSON; the key `FOUND` has the page in segmented zones.
 
     `zones` are JSON of the HTTP contract. Content features of zones with text are left out: initialization computes
@@ -43,19 +44,19 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
         When the zones are invalid, have no label, or are not in pixels of the image.
     """
     page = read_zones(zones, settings)
-    return _measured(page, None if image is None else decode_image(image, settings.image).pixels, settings)
+    return _measured(
+        page, None if image is None else decode_image(image, settings.document.image).pixels, settings
+    )
 
 
 def measure_sample_file(image: bytes | None, zones_file: bytes, settings: LayoutSettings) -> MeasuredSample:
     """The same for zones in a file of PAGE-XML, ALTO or JSON. Raises as `measure_sample`."""
-    picture = None if image is None else decode_image(image, settings.image).pixels
+    picture = None if image is None else decode_image(image, settings.document.image).pixels
     page, notices = read_file(zones_file, picture, settings)
-    return MeasuredSample(
-        _measured(page, picture, settings), [each.model_dump() for each in describe_warnings(notices)]
-    )
+    return MeasuredSample(_measured(page, picture, settings), describe_warnings(notices))
 
 
-def _measured(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:
+def _measured(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> SampleJson:
     if all(zone.label is None for zone in page.zones):
         raise InvalidOption(
             "zones: give at least one zone its label; a page without any teaches nothing.", "zones"
@@ -63,7 +64,7 @@ def _measured(page: Page, picture: RgbImage | None, settings: LayoutSettings) ->
     return _complete(page, picture, settings)
 
 
-def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:
+def remeasure_sample(image: bytes, sample: SampleJson, settings: LayoutSettings) -> SampleJson:
     """A stored sample as `measure_sample` would make it today: its verified zones, and what is found in its image.
 
     Raises
@@ -72,10 +73,10 @@ def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSetti
         When this release does not accept the image or the zones any more.
     """
     [page], _ = read_samples([sample], settings)
-    return _complete(page, decode_image(image, settings.image).pixels, settings)
+    return _complete(page, decode_image(image, settings.document.image).pixels, settings)
 
 
-def _complete(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> dict[str, object]:
+def _complete(page: Page, picture: RgbImage | None, settings: LayoutSettings) -> SampleJson:
     check_frame(page, picture)
     engine = None
     if picture is not None:
@@ -90,14 +91,14 @@ def _complete(page: Page, picture: RgbImage | None, settings: LayoutSettings) ->
     return document
 
 
-def sample_document(page: Page) -> dict[str, object]:
+def sample_document(page: Page) -> SampleJson:
     """The stored form of a labelled page, without the content features of zones with text."""
     kept = tuple(replace(zone, content={}) if zone.text else zone for zone in page.zones)
-    document: dict[str, object] = to_json_ready(page_to_document(replace(page, zones=kept)))
+    document: SampleJson = to_json_ready(page_to_document(replace(page, zones=kept)))
     return document
 
 
-def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object]:
+def import_sample(document: bytes, settings: LayoutSettings) -> SampleJson:
     """A sample that another service has exported, checked and in its stored form.
 
     Raises
@@ -109,7 +110,7 @@ def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object
         sample = json.loads(document)
         if not isinstance(sample, dict):
             raise InvalidOption("archive: a sample must be a JSON object.", "archive")
-        [page], [found] = read_samples([sample], settings)
+        [page], [found] = read_samples([cast(SampleJson, sample)], settings)
     except (ValueError, RecursionError) as error:
         if isinstance(error, DocumentError):
             raise
@@ -124,9 +125,7 @@ def import_sample(document: bytes, settings: LayoutSettings) -> dict[str, object
     return stored
 
 
-def initialize_from_samples(
-    name: str, samples: Sequence[dict[str, Any]], settings: LayoutSettings
-) -> ModelDraft:
+def initialize_from_samples(name: str, samples: Sequence[SampleJson], settings: LayoutSettings) -> ModelDraft:
     """The layout model of `samples`, documents made by `measure_sample`.
 
     Raises
@@ -139,7 +138,7 @@ def initialize_from_samples(
 
 
 def read_samples(
-    samples: Sequence[dict[str, Any]], settings: LayoutSettings
+    samples: Sequence[SampleJson], settings: LayoutSettings
 ) -> tuple[list[Page], list[Page | None]]:
     """The labelled pages of stored samples, and for each the page in segmented zones (None without one).
 

@@ -16,6 +16,7 @@ from services.imaging.page_images import naming_page
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Patch
 from services.operations.page_reading import READING_CUT, read_flat_page, reading_engine
+from services.operations.pages_reply import DescribedPage, make_page_reply
 from services.operations.reader import ocr_engine
 from services.operations.reduced_views import reduce_mosaic
 from services.operations.replies import (
@@ -23,7 +24,6 @@ from services.operations.replies import (
     SourceFacts,
     describe_orientation,
     describe_warnings,
-    make_reply,
     rounded,
     timed,
 )
@@ -74,9 +74,11 @@ def mosaic_uploads(
     result = reduce_mosaic(result, encoding)
     if text is not None:
         text = text.resized(result.image.shape[1], result.image.shape[0])
-    source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
-    page = scanner_look(result.image, parameters.illumination)
-    return make_reply(page, describe_mosaic(result), source, encoding, timings_ms, text)
+    dpi = _resolution(photos, result)
+    source = SourceFacts(photos[0].format, dpi, _colour_profile(photos))
+    picture = scanner_look(result.image, parameters.illumination)
+    page = DescribedPage(picture, describe_mosaic(result), text, dpi)
+    return make_page_reply(page, source, encoding, timings_ms)
 
 
 def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[DecodedImage]:

@@ -76,9 +76,11 @@ def check_installed(language: str | None) -> None:
     installed = installed_languages()
     missing = [name for name in language.split("+") if name not in installed]
     if missing:
+        meant = [name.lower() for name in missing if name.lower() in installed]
+        hint = f" Did you mean {meant[0]!r}?" if meant else ""
         raise InvalidOption(
             f"language: {', '.join(missing)} is not installed on this server; installed are "
-            f"{', '.join(installed) or 'none'}.",
+            f"{', '.join(installed) or 'none'}.{hint}",
             "language",
         )
 

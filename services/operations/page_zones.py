@@ -2,10 +2,10 @@
 
 import json
 from dataclasses import replace
-from typing import Any
 
 from services.arrays import RgbImage
 from services.contract.layout import LayoutSettings
+from services.contract.page_json import PageJson
 from services.errors import InvalidOption
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
@@ -41,7 +41,7 @@ def read_file(
     return page, tuple(notices)
 
 
-def read_kept_page(document: dict[str, Any], settings: LayoutSettings) -> Page:
+def read_kept_page(document: PageJson, settings: LayoutSettings) -> Page:
     """The page of a stored result. Its zones are not limited again: it was within the limits at recognition."""
     bounds = replace(exchange_limits(settings), max_zones=max(settings.max_zones, 10_000))
     try:

@@ -1,4 +1,4 @@
-"""Answers that may have several pages: one file with all pages, or a list of their descriptions."""
+"""Replies with one flat page or several: the file with all of them, or their answers."""
 
 import base64
 from collections.abc import Sequence
@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any, cast, get_args
 
 from services.arrays import PageImage
+from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, FailedPlace, PageReply, PagesFormat, TextFormat
 from services.contract.kept_pages import KeptPage
 from services.errors import NotAcceptable
+from services.heap import release_freed_memory
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 from services.imaging.page_files import PagePart, PagesFileFormat, archive_pages, bind_parts, encode_part
 from services.notices import Notice
@@ -36,7 +38,7 @@ class DescribedPage:
     """
 
     image: PageImage
-    answer: RectifyResult
+    answer: RectifyResult | MosaicResult
     text: PageText | None = None
     dpi: float | None = None
     kept: KeptPage | None = None
@@ -52,17 +54,19 @@ class EncodedPage:
     """A page without its pixels: its part of the file (None: the reply needs none), and its answer."""
 
     part: PagePart | None
-    answer: RectifyResult
+    answer: RectifyResult | MosaicResult
     text: PageText | None
+    dpi: float = DEFAULT_DPI
     kept: KeptPage | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class PagesTarget:
-    """What an answer of several pages becomes: its format, and that of its images."""
+    """What an answer becomes: its format, that of its images, and whether it may have several pages."""
 
     format: PagesFormat
     image_format: OutputFormat
+    several: bool
 
 
 def choose_target(encoding: Encoding, source: SourceFacts, pages: int) -> PagesTarget:
@@ -78,7 +82,7 @@ def choose_target(encoding: Encoding, source: SourceFacts, pages: int) -> PagesT
         raise several_pages_refused(pages)
     shown: PagesFormat | None = encoding.embed_format if asked == "json" else asked
     image_format = image_format_of(source, shown if shown != "pdf" else None)
-    return PagesTarget(asked or image_format, image_format)
+    return PagesTarget(asked or image_format, image_format, pages > 1)
 
 
 def encode_page(
@@ -91,20 +95,19 @@ def encode_page(
     InvalidOption
         When `encoding` is not possible.
     """
-    facts = page.source(source)
-    quality, dpi, profile = encoding.quality, facts.dpi, facts.icc_profile
+    facts, image_format = page.source(source), target.image_format
+    rest = encoding.quality, facts.dpi, facts.icc_profile
     embedded, part = None, None
     if target.format == "json":
         if encoding.embed:
-            file = encode_image(page.image, target.image_format, quality, dpi, profile)
-            embedded = base64.b64encode(file).decode("ascii")
-    elif target.format in get_args(PagesFileFormat):
-        kind = cast(PagesFileFormat, target.format)
-        part = encode_part(page.image, kind, target.image_format, quality, dpi, profile)
+            embedded = base64.b64encode(encode_image(page.image, image_format, *rest)).decode("ascii")
+    elif target.several and target.format in get_args(PagesFileFormat):
+        part = encode_part(page.image, cast(PagesFileFormat, target.format), image_format, *rest)
     elif target.format not in get_args(TextFormat):
-        part = PagePart(encode_image(page.image, target.image_format, quality, dpi, profile))
-    show_page(page.answer, embedded, target.image_format, page.text)
-    return EncodedPage(part, page.answer, page.text, page.kept)
+        kind = cast(OutputFormat, target.format) if target.format in get_args(OutputFormat) else image_format
+        part = PagePart(encode_image(page.image, kind, *rest))
+    show_page(page.answer, embedded, image_format, page.text)
+    return EncodedPage(part, page.answer, page.text, facts.dpi or DEFAULT_DPI, page.kept)
 
 
 def bind_pages(
@@ -120,38 +123,64 @@ def bind_pages(
     `notices` concern all pages. An archive has the problems of those that `failed`; other files leave them out. The
     function adds `encode` to `timings_ms`.
     """
-    parts = [page.part for page in pages if page.part is not None]
-    texts = [page.text for page in pages if page.text is not None]
-    body = b""
     with timed("encode", timings_ms, ENCODING_BEGINS):
-        if target.format in get_args(TextFormat):
-            body = write_text(texts, cast(TextFormat, target.format), encoding, DEFAULT_DPI)
-        elif target.format == "zip":
+        body = _bind(pages, target, encoding, failed)
+    answer = PagesResult(
+        pages=[cast(RectifyResult, page.answer) for page in pages],
+        warnings=describe_warnings(notices),
+        timings_ms=describe_timings(timings_ms),
+    )
+    kept = tuple(page.kept for page in pages)
+    return PageReply(body, MEDIA_TYPES[target.format], answer, kept, tuple(failed))
+
+
+def _bind(
+    pages: Sequence[EncodedPage], target: PagesTarget, encoding: Encoding, failed: Sequence[FailedPlace] = ()
+) -> bytes:
+    """The file of all `pages`; empty for JSON."""
+    parts = [page.part for page in pages if page.part is not None]
+    if target.format in get_args(TextFormat):
+        texts = [page.text for page in pages if page.text is not None]
+        assert texts, "a text format needs the text"
+        dpi = DEFAULT_DPI if target.several else pages[0].dpi
+        return write_text(texts, cast(TextFormat, target.format), encoding, dpi)
+    match target.format:
+        case "zip":
             described: list[Any] = [page.answer.model_dump(mode="json") for page in pages]
             for each in sorted(failed, key=lambda each: each.place):
                 problem = {"code": each.code, "detail": each.detail, "field": each.field}
                 described.insert(each.place, {"problem": problem})
             numbers = [number for number, page in enumerate(described, 1) if "problem" not in page]
             images = [part.data for part in parts]
-            body = archive_pages(images, target.image_format, numbers, described, encoding.archive)
-        elif target.format == "tiff":
-            body = bind_parts(parts, "tiff")
-        elif target.format == "pdf":
-            body = add_text_layer(
-                bind_parts(parts, "pdf"),
-                [page.text for page in pages],
-                encoding,
-                [part.dpi for part in parts],
-            )
-        elif parts:
-            body = parts[0].data
-    answer = PagesResult(
-        pages=[page.answer for page in pages],
-        warnings=describe_warnings(notices),
-        timings_ms=describe_timings(timings_ms),
-    )
-    kept = tuple(page.kept for page in pages)
-    return PageReply(body, MEDIA_TYPES[target.format], answer, kept, tuple(failed))
+            return archive_pages(images, target.image_format, numbers, described, encoding.archive)
+        case "tiff" if target.several:
+            return bind_parts(parts, "tiff")
+        case "pdf":
+            texts_of_pages, dpis = [page.text for page in pages], [page.dpi for page in pages]
+            return add_text_layer(bind_parts(parts, "pdf"), texts_of_pages, encoding, dpis)
+    return parts[0].data if parts else b""
+
+
+def make_page_reply(
+    page: DescribedPage, source: SourceFacts, encoding: Encoding, timings_ms: dict[str, float]
+) -> PageReply:
+    """The reply with the only page of a request, in the requested encoding; adds `encode` to `timings_ms`.
+
+    Raises
+    ------
+    InvalidOption
+        When `encoding` is not possible.
+    """
+    target = choose_target(encoding, source, 1)
+    release_freed_memory()
+    if target.format == "json" and not encoding.embed:
+        encoded = encode_page(page, target, source, encoding)
+    else:
+        with timed("encode", timings_ms, ENCODING_BEGINS):
+            encoded = encode_page(page, target, source, encoding)
+    page.answer.timings_ms = describe_timings(timings_ms)
+    body = _bind([encoded], target, encoding)
+    return PageReply(body, MEDIA_TYPES[target.format], page.answer, (page.kept,))
 
 
 def make_pages_reply(

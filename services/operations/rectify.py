@@ -22,7 +22,7 @@ from services.imaging.square_pixels import square_pixels
 from services.operations.capture_reply import describe_quality
 from services.operations.page_bundle import keep_page
 from services.operations.page_reading import READING_BEGINS, READING_CUT, read_flat_page, reading_engine
-from services.operations.pages_reply import DescribedPage, make_pages_reply
+from services.operations.pages_reply import DescribedPage, make_page_reply, make_pages_reply
 from services.operations.reader import ocr_engine
 from services.operations.reduced_views import reduce_view
 from services.operations.replies import (
@@ -31,7 +31,6 @@ from services.operations.replies import (
     describe_orientation,
     describe_timings,
     describe_warnings,
-    make_reply,
     rounded,
     timed,
 )
@@ -86,13 +85,11 @@ def rectify_picture(
         return make_pages_reply(pages, source, encoding, timings_ms, found.warnings)
     if parameters.preview:
         page, spent_ms = describe_preview(photo, parameters)
-        return make_reply(page.image, page.answer, source, encoding, timings_ms | spent_ms)
+        return make_page_reply(page, source, encoding, timings_ms | spent_ms)
     with progress_within(0.03, end):
         result = _flatten(photo, parameters)
     page = describe_page(result, parameters, encoding, photo)
-    timings_ms |= result.timings_ms
-    reply = make_reply(page.image, page.answer, page.source(source), encoding, timings_ms, page.text)
-    return replace(reply, kept=(page.kept,))
+    return make_page_reply(page, source, encoding, timings_ms | result.timings_ms)
 
 
 def flatten_picture(

@@ -6,7 +6,7 @@ from services.contract.images import DocumentLimits, Encoding, FailedPlace, Page
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError, InvalidOption, NotDoneInTime
 from services.heap import release_freed_memory
-from services.imaging.page_images import PageLimits, PagePicture, PageSource, open_pages
+from services.imaging.page_images import PagePicture, PageSource, open_pages
 from services.notices import Notice
 from services.operations.page_journal import Entry, PageJournal, SourceName, SourceOutcome
 from services.operations.page_reading import reading_engine
@@ -53,8 +53,7 @@ def rectify_uploads(
     """
     if parameters.text or parameters.language is not None:
         reading_engine(parameters.language)  # an error must come before the work
-    page_limits = PageLimits(limits.image, limits.max_pages, limits.max_megapixels)
-    with open_pages(uploads, page_limits, lenient=True) as sources:
+    with open_pages(uploads, limits, lenient=True) as sources:
         if len(sources) == 1:
             return rectify_picture(sources[0].decode, parameters_of_page(parameters, 0, 1), encoding)
         if parameters.region is not None:

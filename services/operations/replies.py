@@ -1,6 +1,5 @@
-"""Replies with a flat page: the page as a file, or its answer."""
+"""What replies of all kinds have: facts of the upload, descriptions of turns and warnings, timings."""
 
-import base64
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,19 +9,16 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
-from services.arrays import PageImage
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.page import Orientation, Warning
 from services.contract.answers.rectify import RectifyResult
-from services.contract.images import MEDIA_TYPES, Encoding, PageReply, PagesFormat, TextFormat
+from services.contract.images import MEDIA_TYPES, Encoding, PagesFormat
 from services.contract.rectify import Rotation
 from services.documents.searchable_pdf import PdfFacts, finish_pdf
-from services.heap import release_freed_memory
-from services.imaging.codec import DEFAULT_DPI, OutputFormat, UploadFormat, encode_image
-from services.imaging.page_files import archive_pages
+from services.imaging.codec import OutputFormat, UploadFormat
 from services.notices import Notice
 from services.ocr.languages import language_tag
-from services.operations.page_reading import describe_text, write_text
+from services.operations.page_reading import describe_text
 from services.progress import report_progress
 from services.rectify.results import Orientation as TurnedView
 from services.text.page_text import PageText
@@ -38,57 +34,6 @@ class SourceFacts:
     format: UploadFormat
     dpi: float | None
     icc_profile: bytes | None
-
-
-def make_reply(
-    page: PageImage,
-    answer: RectifyResult | MosaicResult,
-    source: SourceFacts,
-    encoding: Encoding,
-    timings_ms: dict[str, float],
-    text: PageText | None = None,
-) -> PageReply:
-    """The reply with the page in the requested encoding.
-
-    `answer` describes the page, `text` is what was read on it. The function adds `encode` to `timings_ms`, and puts
-    `timings_ms`, `text`, `image` and `image_media_type` into the answer.
-
-    Raises
-    ------
-    InvalidOption
-        When `encoding` is not possible.
-    """
-    is_json = encoding.format == "json"
-    image_format = image_format_of(source, encoding.embed_format if is_json else encoding.format)
-    body, embedded = b"", None
-    if not is_json or encoding.embed:
-        release_freed_memory()
-        with timed("encode", timings_ms, ENCODING_BEGINS):
-            body = _encode_page(page, image_format, source, encoding, text)
-    if is_json:
-        embedded = base64.b64encode(body).decode("ascii") if encoding.embed else None
-        body = b""
-    answer.timings_ms = describe_timings(timings_ms)
-    show_page(answer, embedded, image_format, text)
-    if encoding.format == "zip":
-        body = archive_pages([body], image_format, [1], [answer.model_dump(mode="json")], encoding.archive)
-    return PageReply(body, MEDIA_TYPES[encoding.format or image_format], answer)
-
-
-def _encode_page(
-    page: PageImage,
-    image_format: OutputFormat,
-    source: SourceFacts,
-    encoding: Encoding,
-    text: PageText | None,
-) -> bytes:
-    if encoding.needs_text:
-        assert text is not None, "a text format needs the text"
-        return write_text([text], cast(TextFormat, encoding.format), encoding, source.dpi or DEFAULT_DPI)
-    body = encode_image(page, image_format, encoding.quality, source.dpi, source.icc_profile)
-    if encoding.format == "pdf":
-        return add_text_layer(body, [text], encoding, [source.dpi or DEFAULT_DPI])
-    return body
 
 
 def add_text_layer(

@@ -7,6 +7,7 @@ from typing import Any
 
 from app.schemas.layout import result_of
 from services.contract.answers.layout import DocumentResult
+from services.contract.answers.learning import Change
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import DocumentLimits, Encoding, PageReply
@@ -133,7 +134,7 @@ def initialize_model(name: str, samples: list[dict[str, Any]], settings: LayoutS
 
 def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDifference:
     """As many changes as are wanted."""
-    change = {"part": "model", "labels": ["a" * 100] * 2, "attribute": "a", "old": None, "new": 0.5}
+    change = Change(part="model", labels=["a" * 100] * 2, attribute="a", old=None, new=0.5)
     return ModelDifference(10 * most, [change] * most)
 
 

@@ -5,15 +5,17 @@ import json
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic import ValidationError
 
 from app.schemas.layout_samples import PageBody
 from services import errors
 from services.contract.answers.layout import DocumentResult, LayoutResult
+from services.contract.answers.learning import Change, CostChange, LabellingCosts, Round, WrongLabel
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.page import FlatPage, Warning
+from services.contract.answers.proposals import Proposals
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, FailedPlace, PageReply
 from services.contract.kept_pages import KeptPage as KeptPhoto
@@ -35,13 +37,13 @@ from services.contract.layout_learning import (
     Adaptation,
     Correction,
     RevisedPage,
-    Round,
     TrainingReport,
     VerifiedPage,
 )
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft, PageDocument
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
+from services.contract.page_json import PageJson, SampleJson
 from services.contract.rectify import RectifyParameters
 from tests.app.scripted_results import CREASED_SHEET, layout_document, mosaic_document
 from tests.app.scripted_results import document as rectified_document
@@ -305,7 +307,7 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
 
 def measure_sample_file(image: bytes | None, zones: bytes, settings: LayoutSettings) -> MeasuredSample:
     """The same with a warning."""
-    return MeasuredSample(measure_sample(image, zones, settings), [{"code": "file", "detail": "of zones"}])
+    return MeasuredSample(measure_sample(image, zones, settings), [Warning(code="file", detail="of zones")])
 
 
 def remeasure_sample(image: bytes, sample: dict[str, Any], settings: LayoutSettings) -> dict[str, object]:
@@ -382,20 +384,21 @@ def adapt_models(
         lesson = [*task.labels.values(), model.learner]
         documents[model.name] = {**document, "taught": [*document.get("taught", []), lesson]}
     wrong = [
-        {"zone": zone, "found": task.found_labels[zone], "verified": label}
+        WrongLabel(zone=zone, found=task.found_labels[zone], verified=label)
         for zone, label in verified.items()
         if label != task.found_labels[zone]
     ]
     costs = [
-        {
-            "model": model.name,
-            "found": {"before": 1.0, "after": 2.0},
-            "verified": {"before": 1.5, "after": None},
-        }
+        LabellingCosts(
+            model=model.name,
+            found=CostChange(before=1.0, after=2.0),
+            verified=CostChange(before=1.5, after=None),
+        )
         for model in models
     ]
     zones = [{**zone, "label": verified[str(zone["id"])]} for zone in task.page["zones"]]
-    return Adaptation(documents, wrong, costs, {**task.page, "zones": zones}, len(zones))
+    sample = cast(SampleJson, {**task.page, "zones": zones})
+    return Adaptation(documents, wrong, costs, sample, len(zones))
 
 
 def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
@@ -404,7 +407,7 @@ def revise_page(page: dict[str, Any], zones: list[dict[str, Any]], settings: Lay
     measured = layout_document({**page, "zones": named}, [], [], {})["zones"]
     assert isinstance(measured, list)
     shown = [{**each, "label": zone["label"]} for each, zone in zip(measured, named, strict=True)]
-    return RevisedPage({**page, "zones": named}, shown, [])
+    return RevisedPage(cast(PageJson, {**page, "zones": named}), shown, [])
 
 
 def correct_result(
@@ -425,7 +428,10 @@ def train_model(
     script = str(samples[0]["zones"][0].get("text") or "")
     verb = follow(script.encode(), "samples")
     kept = 0 if verb == b"learned" else rounds
-    errors = tuple(Round(index, 1 / (index + 2), None) for index in range(rounds + 1))
+    errors = tuple(
+        Round(round=index, error=round(1 / (index + 2), 4), held_out_error=None)
+        for index in range(rounds + 1)
+    )
     trained = document if kept == 0 else {**document, "trained": [rounds, model.learner]}
     draft = ModelDraft(trained, _labels(model.document))
     return draft, TrainingReport(errors, kept, "held-out" if kept == 0 else "rounds")
@@ -435,7 +441,7 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
     """The keys that are others; old and new are how much there is of each."""
     before, after = json.loads(old.document), json.loads(new.document)
     changes = [
-        {"part": "model", "labels": [None], "attribute": key, "old": None, "new": len(str(after.get(key)))}
+        Change(part="model", labels=[None], attribute=key, old=None, new=len(str(after.get(key))))
         for key in dict.fromkeys((*before, *after))
         if before.get(key) != after.get(key)
     ]
@@ -444,7 +450,7 @@ def compare_models(old: ModelDocument, new: ModelDocument, most: int) -> ModelDi
 
 def propose_classes(
     unknown: list[PageDocument], classes: dict[str, list[PageDocument]], settings: LayoutSettings
-) -> dict[str, object]:
+) -> Proposals:
     """All unknown pages are a class, the first two models are one, and the first one is two."""
     names, ids = list(classes), [page.id for page in unknown]
     new = {"pages": ids, "typical": ids[0], "cohesion": 0.5, "recurring_zones": []} if ids else None
@@ -452,16 +458,17 @@ def propose_classes(
     samples = [page.id for page in classes[names[0]]] if names else []
     part = {"samples": samples, "typical": samples[0] if samples else ""}
     split = {"model": names[0], "parts": [part, part], "gain": 0.1, "better": 0.9} if names else None
-    return {
-        "new_classes": [new] if new else [],
-        "merges": [merge] if len(names) > 1 else [],
-        "splits": [split] if split else [],
+    proposals = {
+        "new_classes": [{**new, "next": []}] if new else [],
+        "merges": [{**merge, "next": []}] if len(names) > 1 else [],
+        "splits": [{**split, "next": []}] if split else [],
         "looked_at": {
             "unknown_pages": len(ids),
             "models": len(names),
             "samples": sum(map(len, classes.values())),
         },
     }
+    return Proposals.model_validate(proposals)
 
 
 def _labels(document: bytes) -> list[str]:

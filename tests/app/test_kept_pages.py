@@ -98,6 +98,7 @@ def test_other_corners_are_analysed_and_kept(client: httpx.Client, folder: Path)
     corners = [[10, 5], [70, 8], [68, 50], [12, 55]]
     answer = render(client, path, corners=corners, format="json").json()
     assert answer["corners"] == corners
+    assert answer["timings_ms"]["analysis"] > 0
     source = answer["mesh"]["source"]
     assert [source[0][0], source[0][-1], source[-1][-1], source[-1][0]] == corners
     again = render(client, path, rotate=180, format="json").json()

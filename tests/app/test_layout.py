@@ -295,7 +295,8 @@ def test_a_result_that_breaks_the_contract_is_not_kept() -> None:
 
 
 def recognize_to_nonsense(*arguments: object) -> LayoutReply:
-    return LayoutReply(b"", "application/json", LayoutResult.model_validate({"class": "round"}), {})
+    page: Any = {}
+    return LayoutReply(b"", "application/json", LayoutResult.model_validate({"class": "round"}), page)
 
 
 def test_old_results_go() -> None:

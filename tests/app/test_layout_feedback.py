@@ -194,6 +194,7 @@ def test_a_page_without_zones_is_nothing_to_remember(client: httpx.Client, data_
     assert (told["zones"], unknown_pages(data_dir)) == (0, [])
     told = answer(give(client, result, {"class": "fax"}))
     assert (told["class"]["verified"], told["models"], told["sample"]) == ("fax", [], None)
+    assert [each["code"] for each in told["warnings"]] == ["nothing-learned"]
     assert client.get("/layout/models/fax/samples").json()["samples"] == []
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from sqlalchemy import event
 
-from models.errors import JobKeyReused, JobNotFound, QueueFull, StoreUnavailable
+from models.errors import JobKeyReused, NoSuchJob, QueueFull, StoreUnavailable
 from models.job_records import JobBounds, JobDraft, JobEnd, Lease, Progress, StoredJob, blob_key
 from models.job_repository import MOST_RETURNS
 from models.repository import Store
@@ -204,7 +204,7 @@ def test_what_is_kept_of_finished_jobs_is_bounded(store: Store, clock: Clock) ->
     assert store.delete_job(ids[2]) == [blob_key(ids[2], "input"), blob_key(ids[2], "answer")]
     assert store.delete_job(ids[4]) == []  # it has not ended
     clock.now += timedelta(seconds=2000)
-    with pytest.raises(JobNotFound):
+    with pytest.raises(NoSuchJob):
         store.job(ids[3])
     assert len(store.purge_jobs(99, 99)) == 2
     assert [store.has_job(id) for id in ids] == [False] * 4 + [True]

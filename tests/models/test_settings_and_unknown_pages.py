@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from models.errors import ModelNotFound, NotStorable, StoreUnavailable
-from models.records import ModelSettings, UnknownPage, UnknownPageDraft
+from models.records import ModelSettings, StoredUnknownPage, UnknownPageDraft
 from models.repository import Store
 from services.contract.layout_learning import DEFAULT_LEARNER
 from tests.models.conftest import Clock
@@ -78,7 +78,7 @@ def test_unknown_pages_are_a_ring(letters: Store, clock: Clock) -> None:
     assert len(everything(letters)["layout_unknown_pages"]) == 2
 
 
-def content_of(page: UnknownPage) -> tuple[str, str, dict[str, Any]]:
+def content_of(page: StoredUnknownPage) -> tuple[str, str, dict[str, Any]]:
     return page.id, page.result_id, page.page
 
 

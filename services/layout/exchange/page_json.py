@@ -9,6 +9,7 @@ from dataclasses import asdict, fields, replace
 from itertools import count
 from typing import Any, cast
 
+from services.contract.page_json import PageJson, ZoneJson
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.page import (
     ALIGNMENTS,
@@ -104,7 +105,7 @@ def check_count(zones: int, limits: ExchangeLimits) -> None:
         )
 
 
-def page_to_document(page: Page) -> dict[str, Any]:
+def page_to_document(page: Page) -> PageJson:
     """The page as a JSON document. Values that were not measured are left out; an unknown label is null."""
     return {
         "width": plain_number(page.width),
@@ -113,17 +114,11 @@ def page_to_document(page: Page) -> dict[str, Any]:
     }
 
 
-def _zone_document(zone: Zone) -> dict[str, Any]:
-    document: dict[str, Any] = {
-        "id": zone.id,
-        "box": [plain_number(value) for value in zone.box],
-        "label": zone.label,
-        "kind": zone.kind,
-    }
-    for name in ("lines", "font_size", "line_spacing", "weight", "alignment"):
-        value = getattr(zone, name)
-        if value is not None:
-            document[name] = value
+def _zone_document(zone: Zone) -> ZoneJson:
+    names = ("lines", "font_size", "line_spacing", "weight", "alignment")
+    measured = {name: value for name in names if (value := getattr(zone, name)) is not None}
+    box = [plain_number(value) for value in zone.box]
+    document = cast(ZoneJson, {"id": zone.id, "box": box, "label": zone.label, "kind": zone.kind, **measured})
     if zone.appearance is not None:
         document["appearance"] = asdict(zone.appearance)
     if zone.pieces:

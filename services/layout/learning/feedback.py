@@ -1,8 +1,10 @@
 """Learning from a verified page: the models of the right and of the wrong class adapt (5.2, 5.5)."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from services.contract.answers.learning import CostChange
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner, VerifiedPage
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
@@ -33,23 +35,12 @@ class LabelsMissing(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class LabellingCosts:
-    """Cost of one labelling under a model before and after learning, including the bias of its class for all zones.
-
-    None: the model does not have all labels of the labelling.
-    """
-
-    before: float | None
-    after: float | None
-
-
-@dataclass(frozen=True, slots=True)
 class LearnedModel:
     """A model after learning from a page, and the costs of the found and the verified labelling."""
 
     model: LayoutModel
-    found: LabellingCosts
-    verified: LabellingCosts
+    found: CostChange
+    verified: CostChange
 
 
 def adapt_models(
@@ -187,21 +178,23 @@ def _decide(
 
 def _changes(
     graph: LayoutGraph, before: _CalibratedModel, after: _CalibratedModel, found: Labels, verified: Labels
-) -> tuple[LabellingCosts, LabellingCosts]:
+) -> tuple[CostChange, CostChange]:
     """Cost changes of the found and of the verified labelling."""
     of_found, of_verified = (
-        LabellingCosts(_cost(graph, before, labels), _cost(graph, after, labels))
+        CostChange(before=_cost(graph, before, labels), after=_cost(graph, after, labels))
         for labels in (found, verified)
     )
     return of_found, of_verified
 
 
 def _cost(graph: LayoutGraph, model: _CalibratedModel, labels: Labels) -> float | None:
+    """None where the model lacks a label, or for no finite cost."""
     compiled = model.model
     if not set(labels) <= set(compiled.labels):
         return None
     cost = sum(labelling_cost(graph, compiled, label_indices(labels, compiled.labels), compiled.scales))
-    return cost + model.calibration.bias * graph.zones
+    cost += model.calibration.bias * graph.zones
+    return round(cost, 4) if math.isfinite(cost) else None
 
 
 def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:

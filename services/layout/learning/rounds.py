@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from services.contract.layout_learning import Learner, Round, Stop, TrainingReport
+from services.contract.answers.learning import Round
+from services.contract.layout_learning import Learner, Stop, TrainingReport
 from services.layout.learning.learners import correct_page, wrong_zones
 from services.layout.model.learning_model import LearningModel, with_labels
 from services.layout.model.statistics import LabelledGraph
@@ -72,7 +73,8 @@ def run_rounds(
             wrong_zones(each.model, pages[index][0]) for each in fold_models for index in each.held_out
         )
         errors.append((held, wrong))
-        history.append(Round(number, wrong / zones, held / held_zones if fold_models else None))
+        held_out_error = round(held / held_zones, 4) if fold_models else None
+        history.append(Round(round=number, error=round(wrong / zones, 4), held_out_error=held_out_error))
         if errors[-1] < min(errors[:-1], default=(held_zones + 1, 0)):
             kept, kept_model = number, whole.model
         report(number / max(1, rounds))

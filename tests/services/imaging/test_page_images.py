@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 
-from services.contract.images import ImageLimits
+from services.contract.images import DocumentLimits, ImageLimits
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import decode_image, encode_image
-from services.imaging.page_images import RENDER_DPI, PageLimits, open_pages
+from services.imaging.page_images import RENDER_DPI, open_pages
 from tests.services.imaging.files import make_file, pack_directory
 
-LIMITS = PageLimits()
+LIMITS = DocumentLimits()
 GRAYS = (10, 120, 230)
 LONGEST_S = 5.0
 """Generous, for a loaded machine: each refusal takes milliseconds."""
@@ -46,14 +46,14 @@ def pdf(*sizes: tuple[float, float], count: int = 1, **options: object) -> bytes
 A4 = (595.0, 842.0)
 
 
-def pixels_of(uploads: Sequence[bytes], limits: PageLimits = LIMITS) -> list[NDArray[np.uint8]]:
+def pixels_of(uploads: Sequence[bytes], limits: DocumentLimits = LIMITS) -> list[NDArray[np.uint8]]:
     with open_pages(uploads, limits) as pages:
         found = [page.decode().pixels for page in pages]
         assert [page.pixels for page in pages] == [image.shape[0] * image.shape[1] for image in found]
     return found
 
 
-def refusal(error: type[DocumentError], *uploads: bytes, limits: PageLimits = LIMITS) -> DocumentError:
+def refusal(error: type[DocumentError], *uploads: bytes, limits: DocumentLimits = LIMITS) -> DocumentError:
     started = time.process_time()
     with pytest.raises(error) as caught:
         pixels_of(uploads, limits)

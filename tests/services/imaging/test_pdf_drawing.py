@@ -9,21 +9,22 @@ import pytest
 from pikepdf import Dictionary, Name
 
 from benchmarks.attack import pdfs
+from services.contract.images import DocumentLimits
 from services.errors import DocumentError, TooLarge, UndecodableImage
-from services.imaging.page_images import PageLimits, open_pages
+from services.imaging.page_images import open_pages
 from services.imaging.pdf_drawing import PdfLimits
 
 pytestmark = pytest.mark.pipeline
 
-NARROW = PageLimits(pdf=PdfLimits(page_processor_s=1, memory_bytes=400 * 2**20))
+NARROW = PdfLimits(page_processor_s=1, memory_bytes=400 * 2**20)
 LONGEST_S = 15.0
 """Processor time of the longest refusal, as the contract allows; here it is 2 s."""
 
 
-def refusal_of(upload: bytes, limits: PageLimits = NARROW) -> DocumentError:
+def refusal_of(upload: bytes, limits: PdfLimits = NARROW) -> DocumentError:
     """The error of drawing the first page, which takes little processor time and leaves no process."""
     before, there = children_s(), set(psutil.Process().children())
-    with pytest.raises(DocumentError) as caught, open_pages([upload], limits) as pages:
+    with pytest.raises(DocumentError) as caught, open_pages([upload], DocumentLimits(), pdf=limits) as pages:
         pages[0].decode()
     assert children_s() - before < LONGEST_S
     assert set(psutil.Process().children()) <= there
@@ -62,13 +63,13 @@ def test_a_name_may_be_written_with_escapes() -> None:
 def test_resources_that_name_their_own_form_are_no_cycle() -> None:
     """Many writers give all forms the resources of the page. A form draws itself only if its content says so."""
     upload = pdfs.page_of(b"/F Do", forms=[b"0 0 300 300 re f"], cyclic=True)
-    with open_pages([upload], NARROW) as pages:
+    with open_pages([upload], DocumentLimits(), pdf=NARROW) as pages:
         assert pages[0].decode().pixels.min() == 0
 
 
 def test_forms_within_forms_are_drawn() -> None:
     upload = pdfs.page_of(b"/F Do", forms=[b"0 0 300 300 re f", *[b"/F Do"] * 8])
-    with open_pages([upload], NARROW) as pages:
+    with open_pages([upload], DocumentLimits(), pdf=NARROW) as pages:
         picture = pages[0].decode().pixels
     assert picture[-1, 0].max() == 0
     assert picture[0, -1].min() == 255
@@ -77,7 +78,7 @@ def test_forms_within_forms_are_drawn() -> None:
 def test_pages_of_a_file_share_one_process_and_one_limit() -> None:
     upload = pdfs.page_of(b"0 0 m 9 9 l S", options=Dictionary(Font=Dictionary(), X=Name.Y))
     there = set(psutil.Process().children())
-    with open_pages([upload, upload], NARROW) as pages:
+    with open_pages([upload, upload], DocumentLimits(), pdf=NARROW) as pages:
         assert len(set(psutil.Process().children()) - there) == 2
         assert [page.decode().pixels.shape for page in pages] == [(2339, 1653, 3)] * 2
     assert set(psutil.Process().children()) <= there
@@ -85,7 +86,7 @@ def test_pages_of_a_file_share_one_process_and_one_limit() -> None:
 
 def test_a_process_that_was_killed_is_a_refusal() -> None:
     there = set(psutil.Process().children())
-    with open_pages([pdfs.page_of(b"n")], NARROW) as pages:
+    with open_pages([pdfs.page_of(b"n")], DocumentLimits(), pdf=NARROW) as pages:
         (child,) = set(psutil.Process().children()) - there
         child.kill()
         started = time.monotonic()

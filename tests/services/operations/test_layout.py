@@ -12,7 +12,7 @@ from PIL import Image
 
 from app.schemas.layout import stored_form
 from services.contract.fields import FieldSetting
-from services.contract.images import ImageLimits
+from services.contract.images import DocumentLimits, ImageLimits
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
@@ -47,9 +47,7 @@ def as_json(document: Any) -> bytes:
 
 @pytest.fixture(scope="module")
 def model() -> ModelDocument:
-    samples: list[dict[str, Any]] = [
-        measure_sample(None, as_json(letter), SETTINGS) for letter in LETTERS[:2]
-    ]
+    samples = [measure_sample(None, as_json(letter), SETTINGS) for letter in LETTERS[:2]]
     draft = initialize_from_samples("letter", samples, SETTINGS)
     assert "salutation" in draft.labels
     return ModelDocument("letter", 7, as_json(draft.document))
@@ -263,10 +261,11 @@ def test_samples_of_wider_limits_are_still_read() -> None:
     narrow = replace(SETTINGS, max_zones=2)
     with pytest.raises(InvalidOption, match="2"):
         measure_sample(None, as_json(LETTERS[0]), narrow)
-    sample: dict[str, Any] = measure_sample(None, as_json(LETTERS[0]), SETTINGS)
+    sample = measure_sample(None, as_json(LETTERS[0]), SETTINGS)
     assert initialize_from_samples("letter", [sample], narrow).labels
+    broken: Any = {"width": 1}
     with pytest.raises(InvalidOption, match=r"samples\[1\]"):
-        initialize_from_samples("letter", [sample, {"width": 1}], SETTINGS)
+        initialize_from_samples("letter", [sample, broken], SETTINGS)
 
 
 def test_a_model_is_called_as_its_path_says(model: ModelDocument) -> None:
@@ -299,7 +298,7 @@ def test_a_page_without_an_image_is_drawn_on_white_if_it_is_not_too_large() -> N
     with Image.open(io.BytesIO(reply.body)) as drawn:
         assert drawn.width >= 100
         assert drawn.convert("L").getextrema()[1] == 255
-    narrow = replace(SETTINGS, image=ImageLimits(max_megapixels=0.001))
+    narrow = replace(SETTINGS, document=DocumentLimits(ImageLimits(max_megapixels=0.001)))
     with pytest.raises(TooLarge, match=r"0\.001 megapixels"):
         recognize_upload(None, as_json(page), None, [], options, narrow)
 
@@ -308,10 +307,11 @@ def test_a_class_has_a_bounded_number_of_labels() -> None:
     zones = [
         {"id": k, "box": [10, 10 * k, 90, 10 * k + 8], "label": f"label {k}"} for k in range(MOST_LABELS + 1)
     ]
-    sample = {"width": 100, "height": 1000, "zones": zones}
+    sample: Any = {"width": 100, "height": 1000, "zones": zones}
     with pytest.raises(InvalidOption, match="61 different labels; a model may have 60"):
         initialize_from_samples("many", [sample], SETTINGS)
-    few = initialize_from_samples("many", [{**sample, "zones": zones[:-1]}], SETTINGS)
+    fewer: Any = {**sample, "zones": zones[:-1]}
+    few = initialize_from_samples("many", [fewer], SETTINGS)
     assert len(few.labels) == MOST_LABELS
 
 

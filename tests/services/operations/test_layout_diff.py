@@ -37,7 +37,7 @@ def stored(model: LayoutModel, version: int) -> ModelDocument:
 def changes(new: LayoutModel, old: LayoutModel = MODEL, most: int = 100) -> list[tuple[object, ...]]:
     difference = compare_models(stored(old, 1), stored(new, 2), most)
     assert len(difference.changes) == min(difference.total, most)
-    return [tuple(change.values()) for change in json.loads(json.dumps(difference.changes))]
+    return [tuple(change.model_dump().values()) for change in difference.changes]
 
 
 def test_a_version_differs_from_itself_in_nothing() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from services.contract.images import DocumentLimits
 from services.contract.layout import DocumentReply, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
 from services.errors import InvalidOption, NotAcceptable, NoText, TooLarge, UndecodableImage
 from services.imaging.codec import encode_image
@@ -161,10 +162,10 @@ def test_refusals_name_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UndecodableImage, match=r"^image\[1\]: The PDF") as damaged:
         recognized([PNGS[0], b"%PDF-1.7\n"], [])
     assert damaged.value.field == "image[1]"
-    narrow = replace(SETTINGS, max_pages=2)
+    narrow = replace(SETTINGS, document=DocumentLimits(max_pages=2))
     with pytest.raises(TooLarge, match="MAX_PAGES"):
         recognize_uploads([tiff()], None, None, [], LayoutOptions(), narrow)
-    narrow = replace(SETTINGS, max_document_megapixels=0.005)
+    narrow = replace(SETTINGS, document=DocumentLimits(max_megapixels=0.005))
     with pytest.raises(TooLarge, match="MAX_DOCUMENT_MEGAPIXELS"):
         recognize_uploads(PNGS, None, None, [], LayoutOptions(), narrow)
 

@@ -4,6 +4,7 @@ import base64
 import io
 import json
 from dataclasses import replace
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import html5lib
@@ -85,9 +86,10 @@ def test_a_figure_is_cut_out_of_the_picture(scale: float) -> None:
 def test_stored_results_have_the_kept_picture_or_none() -> None:
     kept = encode_kept_picture(PICTURE, 10_000).body
     elements: dict[str, HtmlElement] = {"title": "h3", "figure": "img", "caption": "none"}
+    no_page: Any = {}
     pages = [
-        KeptResult(stored_form(document()), {}, "1", kept, elements),
-        KeptResult(stored_form(document(("figure", None, None))), {}, "2"),
+        KeptResult(stored_form(document()), no_page, "1", kept, elements),
+        KeptResult(stored_form(document(("figure", None, None))), no_page, "2"),
     ]
     root = parsed(render_results(pages, "html", SETTINGS).body)
     first, second = root.findall("body/main/section")

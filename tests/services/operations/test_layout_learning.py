@@ -29,7 +29,7 @@ def task(page: Page, found_class: str | None, labels: dict[str, str | None]) -> 
 def test_a_page_teaches_the_model_of_its_class() -> None:
     page = labelled_page("letter", FIRST_UNSEEN)
     adaptation = adapt_models(task(page, "letter", {page.zones[0].id: "new"}), [LETTER], LayoutSettings())
-    assert [wrong["verified"] for wrong in adaptation.wrong] == ["new"]
+    assert [wrong.verified for wrong in adaptation.wrong] == ["new"]
     assert "new" in [node["label"] for node in adaptation.documents["letter"]["nodes"]]
 
 

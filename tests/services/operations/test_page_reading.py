@@ -140,6 +140,8 @@ def test_a_language_that_is_not_installed_is_refused_with_those_that_are(
         ) as told:
             read(Encoding("json"), parameters)
         assert told.value.field == "language"
+    with pytest.raises(InvalidOption, match=r"Did you mean 'deu'\?"):
+        read(Encoding("json"), RectifyParameters(language="DEU"))
     assert pipeline.calls == []
     text = document_of(read(Encoding("json"), RectifyParameters(text=True, language="deu+eng")))["text"]
     assert text["language"] == "deu+eng"  # type: ignore[index]

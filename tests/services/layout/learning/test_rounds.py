@@ -58,7 +58,7 @@ def test_held_out_pages_are_not_learned_from_and_choose_the_round(monkeypatch: p
     errors = [each.held_out_error for each in training.rounds]
     assert errors[training.kept_round] == min(errors)
     best = min(training.rounds, key=lambda each: (each.held_out_error, each.error))
-    assert training.kept_round == best.number
+    assert training.kept_round == best.round
 
 
 def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatch) -> None:
