@@ -17,8 +17,6 @@ _ENTRY_TAB = 9.0
 """The same where the labels have colons: an inch in print of 8 points."""
 _LINES_PER_ENTRY = 4.0
 """Largest mean number of lines of the values: a memo may have many receivers."""
-LIST_REACH = 12.0
-"""Largest distance of neighbouring entries of one list."""
 
 
 _LABEL = re.compile(r"\W*(?:[^\W\d_]+\W{1,2}){0,2}[^\W\d_]+ ?: *\S")
@@ -55,10 +53,8 @@ def find_entries(lines: Sequence[Line], texts: Sequence[str]) -> tuple[list[tupl
         slack = 0.5 * em[label]
         of_list = np.abs(x0[labels] - x0[label]) < slack
         of_list &= np.abs(x0[value[labels]] - x0[value[label]]) < slack
-        of_list &= np.abs(baseline[labels] - baseline[label]) < LIST_REACH * em[label]
         others = labels[of_list]
         whole = has_label & (np.abs(x0 - x0[label]) < slack)
-        whole &= np.abs(baseline - baseline[label]) < LIST_REACH * em[label]
         if len(others) < 2 and not (colon[label] and np.any(whole)):
             continue
         entry_gap = _ENTRY_TAB if np.mean(colon[others]) > 0.5 else _ENTRY_GAP

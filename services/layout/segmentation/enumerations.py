@@ -3,7 +3,6 @@
 import re
 from collections.abc import Sequence
 
-from services.layout.segmentation.entries import LIST_REACH
 from services.layout.segmentation.text_lines import Line
 from services.layout.segmentation.typical_print import EDGE_SLACK, UNRELIABLE_STEP
 
@@ -12,7 +11,7 @@ _NUMBER = re.compile(r"(?P<open>[(\[]?)(?P<number>\d{1,3}|[a-z])(?P<close>[)\].]
 
 
 def item_starts(lines: Sequence[Line], texts: Sequence[str]) -> set[int]:
-    """Indices of the lines that begin an item: one with the number before or after it begins another one near by.
+    """Indices of the lines that begin an item: one with the number before or after it begins another one.
 
     Both lines begin at one edge, with numbers in the same brackets, and are of one size. `texts` are those of the
     lines, "" where none was read.
@@ -44,4 +43,4 @@ def _are_neighbours(upper: Line, lower: Line) -> bool:
     down = lower.baseline - upper.baseline
     edge = abs(upper.box[0] - lower.box[0])
     alike = em < UNRELIABLE_STEP * min(upper.em, lower.em)
-    return bool(alike and 0 < down < LIST_REACH * em and edge < EDGE_SLACK * em)
+    return bool(alike and down > 0 and edge < EDGE_SLACK * em)

@@ -6,15 +6,14 @@ import numpy as np
 
 from services.layout.segmentation.components import Indices
 from services.layout.segmentation.ink import InkComponents
+from services.layout.segmentation.text_line_choice import LONG_LINE
 from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line, measure_line
 from services.layout.segmentation.typical_print import LEAST_SPACE, SIZE_STEP
 
 _RUNNING_MARGIN = 0.1
 """Largest distance of running heads and feet from the page's edge, over its height."""
-_RUNNING_COMPONENTS = 10
-"""Least number of their glyphs ..."""
 NUMBER_DIGITS = 4
-"""... and largest number of those of a page number, which are in a larger size than the others."""
+"""Largest number of glyphs of a page number, which are in a larger size than the others."""
 
 
 def split_page_numbers(lines: Sequence[Line], components: InkComponents, page_height: float) -> list[Line]:
@@ -28,7 +27,7 @@ def split_page_numbers(lines: Sequence[Line], components: InkComponents, page_he
     for line in lines:
         middle = (line.box[1] + line.box[3]) / 2
         number = None
-        if min(middle, page_height - middle) < margin and len(line.members) >= _RUNNING_COMPONENTS:
+        if min(middle, page_height - middle) < margin and len(line.members) >= LONG_LINE:
             number = _find_number(line, components)
         if number is None:
             parts.append(line)

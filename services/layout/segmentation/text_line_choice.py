@@ -14,7 +14,7 @@ from services.ocr.engine import UNSURE
 
 _LEAST_EM_PX = 6.0
 """Smaller print on the working copy is noise, since it is not readable."""
-_LONG_LINE = 8
+LONG_LINE = 8
 """Number of components on a straight baseline that proves a text line."""
 _FEW = 3
 """On dirty pages lines with fewer components need words."""
@@ -57,9 +57,9 @@ def choose_text_lines(
     inside = (boxes[:, 0] > margin) & (boxes[:, 1] > margin)
     inside &= em >= _LEAST_EM_PX
     inside &= (boxes[:, 2] < page_px[0] - margin) & (boxes[:, 3] < page_px[1] - margin)
-    long = (counts >= _LONG_LINE) & regular & inside
+    long = (counts >= LONG_LINE) & regular & inside
     # This many glyphs in a row are text even where two of its lines touch.
-    long |= (counts >= 3 * _LONG_LINE) & inside
+    long |= (counts >= 3 * LONG_LINE) & inside
     known = em[sure & (counts > 2)] if np.any(sure & (counts > 2)) else em[long]
     if len(known) == 0:
         known = em  # A page with a few words on it: nothing shows their size.

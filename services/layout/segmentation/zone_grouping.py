@@ -100,10 +100,8 @@ def _next_below(lines: Sequence[Line], components: InkComponents) -> dict[int, i
     pairs = {int(i): int(j) for i, j in zip(*np.nonzero(linked), strict=True)}
     alike = {i for i, j in pairs.items() if _set_alike(lines[i], lines[j])}
     marks = _marks(lines, components)
-    above_of = {j: i for i, j in pairs.items()}
     for i, j in pairs.items():
-        near = [lines[k].baseline - lines[above_of[k]].baseline for k in (i, pairs.get(j)) if k in above_of]
-        if _is_evenly_set(lines[i], lines[j], near) or _are_items(lines, i, j, marks):
+        if _are_items(lines, i, j, marks):
             alike.add(i)
         if j in pairs and _is_odd_one(lines[i], lines[j], lines[pairs[j]]):
             alike |= {i, j}
@@ -133,28 +131,6 @@ def _are_items(lines: Sequence[Line], a: int, b: int, marks: NDArray[np.float64]
     near &= max(lines[a].width, lines[b].width) < WIDEST_VALUE * em
     alike = min(marks[a], marks[b]) > 0 and max(marks[a], marks[b]) < 1.3 * min(marks[a], marks[b])
     return bool(even and near and alike and em < UNRELIABLE_STEP * min(lines[a].em, lines[b].em))
-
-
-def _is_evenly_set(first: Line, second: Line, leadings: Sequence[float]) -> bool:
-    """Whether two lines that differ slightly in size or weight have the spacing of the lines around them.
-
-    `leadings` are the distances of the baselines above the first and below the second. Broken or blurred print
-    misleads measures of a line; it moves no baseline.
-    """
-    em, small = max(first.em, second.em), min(first.em, second.em)
-    distance = second.baseline - first.baseline
-    if not leadings or em > UNRELIABLE_STEP * small or first.width < FULL_LINE * em:
-        return False
-    # Much wider lines reach into the next column.
-    if second.width > 1.5 * first.width:
-        return False
-    if max(first.stroke / first.em, second.stroke / second.em) > 1.5 * min(
-        first.stroke / first.em, second.stroke / second.em
-    ):
-        return False
-    even = max(abs(distance - each) for each in leadings) < 0.06 * em
-    edges = abs(first.box[0] - second.box[0]) < EDGE_SLACK * em
-    return even and edges and distance < _LARGEST_LEADING * em
 
 
 def _is_odd_one(above: Line, line: Line, below: Line) -> bool:
