@@ -51,7 +51,6 @@ from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.ridged_page import (
     RidgedPage,
-    RidgedPageParameters,
     complete_corners,
     sides_bend,
     turn_outline,
@@ -243,7 +242,7 @@ def _bent_sheet(
     outline: SheetOutline, view: PhotoFrame, prior: FocalPrior, direction_rad: float, p: PreviewParameters
 ) -> RidgedPage | None:
     """The mesh between the sides as it is, which the whole work only starts from."""
-    whole = complete_corners(outline, RidgedPageParameters())
+    whole = complete_corners(outline)
     if whole is None:
         return None
     corners, order = turn_outline(whole, direction_rad)
@@ -290,7 +289,7 @@ def _page_of_text(
             bent = bend_quickly(evidence, prior, plane)
             if bent is not None:
                 return ShapedPage(view, bent, seen, outline, analysis, evidence.vanishing_points)
-        pose = choose_pose(evidence, prior, seems, p.pose)
+        pose = choose_pose(evidence, prior, p.pose)
     notices = (*seen, *pose.notices) if seems == "planar" else (*seen, SEEMS_CURVED, *pose.notices)
     return ShapedPage(view, pose, notices, outline, analysis, evidence.vanishing_points)
 

@@ -7,9 +7,8 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_EDGES, SideObservations
 from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
+from services.sheet.plane.outline_plane import LEAST_POINTS
 
-LEAST_POINTS = 8
-"""Of a side that counts as seen."""
 LEAST_PLACED = 0.9
 """Share of the points that a map must place."""
 KEPT = 0.95

@@ -31,7 +31,7 @@ def album() -> Album:
 
 def as_plane(shot: Shot) -> ShapedPage:
     prior = typical_focal_prior()
-    shape = choose_pose(shot.evidence, prior, "planar")
+    shape = choose_pose(shot.evidence, prior)
     points = shot.evidence.vanishing_points
     return ShapedPage(shot.frame, shape, (), None, shot.analysis, points)
 

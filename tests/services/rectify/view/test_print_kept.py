@@ -39,7 +39,7 @@ def shot() -> Shot:
 
 def flat_page(shot: Shot) -> ShapedPage:
     prior = typical_focal_prior()
-    shape = choose_pose(shot.evidence, prior, "planar")
+    shape = choose_pose(shot.evidence, prior)
     points = shot.evidence.vanishing_points
     return ShapedPage(shot.frame, shape, (), None, shot.analysis, points)
 
