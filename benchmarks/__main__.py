@@ -46,7 +46,6 @@ MODULES = {
     "learning": "learning.adaptation",
     "learning_store": "learning.store",
     "review": "review.report",
-    "sensitivity": "sensitivity.study",
     "attack": "attack.service",
     "jobs": "jobs.parts",
     "upgrade": "upgrade",

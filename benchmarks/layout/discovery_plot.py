@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from services.layout.discovery.merging import MergingParameters
-from services.layout.discovery.splitting import SplittingParameters
+from services.layout.discovery.merging import LEAST_FIT
+from services.layout.discovery.splitting import LEAST_GAIN
 
 
 def draw_discovery(path: Path, results: Mapping[str, Any]) -> None:
@@ -33,13 +33,13 @@ def draw_discovery(path: Path, results: Mapping[str, Any]) -> None:
     _compare(
         axes[1],
         {what: [row["fit"] for size in merges for row in size[what]] for what in ("halves", "different")},
-        MergingParameters().least_fit,
+        LEAST_FIT,
         "fit of each other's samples: merge above",
     )
     _compare(
         axes[2],
         {what: [row["gain"] for size in splits for row in size[what]] for what in ("unions", "alone")},
-        SplittingParameters().least_gain,
+        LEAST_GAIN,
         "gain of two models over one: split above",
     )
     for axis in axes:

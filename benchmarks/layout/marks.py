@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.layout.learning.label_transfer import box_areas, shared_areas
 from services.layout.page import Page, Zone
-from services.layout.segmentation import SegmentationParameters
 from services.layout.segmentation.ink import find_ink
 from services.ocr.engine import Word
 
@@ -36,7 +35,7 @@ def word_marks(words: Sequence[Word], truth: Page) -> Marks:
 
 def ink_marks(gray: GrayImage, truth: Page) -> Marks:
     """Points of ink within true zones, evenly chosen from all ink of the page."""
-    ink = find_ink(gray, SegmentationParameters())
+    ink = find_ink(gray)
     y, x = np.nonzero(ink.mask)
     step = max(1, len(x) // MOST_INK_POINTS)
     points = (np.column_stack([x, y])[::step] + 0.5) * ink.scale - 0.5

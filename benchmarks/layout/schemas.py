@@ -18,7 +18,7 @@ from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_xml import write_page_xml
 from services.layout.exchange.zones_file import read_zones_file
 from services.layout.page import ALIGNMENTS, KINDS, Page, Zone
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 
 _AWKWARD_NAMES = ("z1", "1", "z-1", "page", "reading-order", "a b", "ß;}{:,\\", "<&\"'>", "😀")
 _AWKWARD_TEXT = ("", "a\r\nb\tc", "\x00\x1f]]>&lt;", "\ufffe", "  ", "один 二")
@@ -56,7 +56,9 @@ def recognitions(data: str | None) -> Iterator[Recognition]:
 
 
 def _recognized(page: Page, chosen: ClassMatch | None) -> Recognition:
-    zones = tuple(LabelledZone(zone, zone.label, 1 / 3, zone.label, at) for at, zone in enumerate(page.zones))
+    zones = tuple(
+        RecognizedZone(zone, zone.label, 1 / 3, zone.label, at) for at, zone in enumerate(page.zones)
+    )
     return Recognition(page, zones, chosen)
 
 

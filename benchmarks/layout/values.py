@@ -36,7 +36,7 @@ from services.layout.learning.label_transfer import transfer_labels
 from services.layout.page import Page
 from services.layout.pipeline import content_features
 from services.layout.recognition.fields import gather_fields
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, compose_page, measure_zones, segment_finely
 from services.layout.values.typed_value import find_value, plain_text
 from services.ocr.engine import OcrEngine
@@ -98,7 +98,7 @@ def read_pages(page: LabelledPage, engine: OcrEngine | None, memory: Memory) -> 
     blank = replace(page.page, zones=tuple(replace(zone, text="") for zone in page.page.zones))
     drawn = fill_texts(blank, words)
     labelled = tuple(
-        LabelledZone(zone, zone.label, 1.0, None, order) for order, zone in enumerate(drawn.zones)
+        RecognizedZone(zone, zone.label, 1.0, None, order) for order, zone in enumerate(drawn.zones)
     )
     sure = ClassMatch(page.class_name, 1, 0.0, 1.0)
     fields = gather_fields(Recognition(drawn, labelled, sure, (sure,)), settings)

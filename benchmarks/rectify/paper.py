@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.common.baseline import Figures, Metric, judge
 from benchmarks.common.places import BASELINE
 from services.contract.rectify import RectifyParameters
-from services.documents.paper_size import FORMATS, PageSize, measure_size
+from services.documents.paper_size import FORMATS, SheetSize, measure_size
 from services.errors import NoText
 from services.geometry.camera import TYPICAL_FOCAL_LENGTH
 from services.rectify.pipeline import rectify
@@ -78,7 +78,7 @@ def take_flat(index: int, sheet: str) -> SimulatedPhoto:
     return SimulatedPhoto(degrade(photo.image, PHONE, rng), photo.truth)
 
 
-def aspect_error(size: PageSize, photo: SimulatedPhoto) -> float:
+def aspect_error(size: SheetSize, photo: SimulatedPhoto) -> float:
     """Logarithm of the sheet's aspect over the true one; the view may be turned."""
     assert size.aspect is not None
     true = float(np.log(photo.truth.page.width / photo.truth.page.height))
@@ -122,7 +122,7 @@ def measure_flat(count: int, figures: Figures) -> None:
     )
 
 
-def measure(photo: SimulatedPhoto, *, exif: bool) -> PageSize | None:
+def measure(photo: SimulatedPhoto, *, exif: bool) -> SheetSize | None:
     """What the product says of the sheet; None for a photo that is refused."""
     focal_px = photo.truth.camera.focal_length_px if exif else None
     try:

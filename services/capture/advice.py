@@ -1,35 +1,29 @@
 """What to do better in the next photo, with the figures that say so."""
 
 import math
-from dataclasses import dataclass
 
 from services.capture.quality import CaptureQuality
 from services.contract.answers.capture import Advice
 
-
-@dataclass(frozen=True, slots=True)
-class AdviceParameters:
-    """From which figures a better photo is worth the effort."""
-
-    good_height_px: float = 14.0
-    """Small letters of this height read well also with some blur and noise."""
-    least_height_px: float = 9.0
-    """Of simulated photos, those with letters of 8 px read well only without blur; below 7 px most were lost."""
-    blur_heights: float = 0.16
-    """Blur, as share of the text height, above which strokes run together."""
-    line_tilt_rad: float = math.radians(2.0)
-    """Of development photos with more crooked lines half have more than 10 % of errors, of the others 2 %; of simulated
-    flat pages 1 % seem so crooked."""
-    least_contrast: float = 0.3
-    cut_off: float = 0.01
-    light: float = 0.02
+_GOOD_HEIGHT_PX = 14.0
+"""Small letters of this height read well also with some blur and noise."""
+_LEAST_HEIGHT_PX = 9.0
+"""Of simulated photos, those with letters of 8 px read well only without blur; below 7 px most were lost."""
+_BLUR_HEIGHTS = 0.16
+"""Blur, as share of the text height, above which strokes run together."""
+_LINE_TILT_RAD = math.radians(2.0)
+"""Of development photos with more crooked lines half have more than 10 % of errors, of the others 2 %; of simulated
+flat pages 1 % seem so crooked."""
+_LEAST_CONTRAST = 0.3
+_CUT_OFF = 0.01
+_LIGHT = 0.02
 
 
 def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
     """Advice, the most important first; none for a photo that reads well."""
-    p = AdviceParameters()
+
     found: list[Advice] = []
-    if quality.cut_off_fraction > p.cut_off:
+    if quality.cut_off_fraction > _CUT_OFF:
         share = max(1, round(100 * quality.cut_off_fraction))
         found.append(
             Advice(
@@ -38,15 +32,15 @@ def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
                 "from above.",
             )
         )
-    if quality.text_height_min_px < p.least_height_px:
+    if quality.text_height_min_px < _LEAST_HEIGHT_PX:
         height = round(quality.text_height_min_px)
         found.append(
             Advice(
                 code="come-closer",
-                detail=f"Come closer: letters are {height} pixels high, {p.good_height_px:g} read well.",
+                detail=f"Come closer: letters are {height} pixels high, {_GOOD_HEIGHT_PX:g} read well.",
             )
         )
-    if max(quality.blur_px, quality.worst_blur_px) > p.blur_heights * quality.text_height_median_px:
+    if max(quality.blur_px, quality.worst_blur_px) > _BLUR_HEIGHTS * quality.text_height_median_px:
         where = f"The {quality.blurred_side} third" if quality.blurred_side else "The text"
         found.append(
             Advice(
@@ -61,18 +55,18 @@ def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
                 detail=f"The {quality.blurred_side} third is out of focus: hold the camera parallel to the page.",
             )
         )
-    if quality.line_tilt_rad > p.line_tilt_rad:
+    if quality.line_tilt_rad > _LINE_TILT_RAD:
         found.append(
             Advice(
                 code="flatten-sheet",
                 detail="Lines of text are crooked: smooth the sheet out, or hold it flat at its corners.",
             )
         )
-    if quality.contrast < p.least_contrast:
+    if quality.contrast < _LEAST_CONTRAST:
         found.append(
             Advice(code="more-light", detail="The print is faint against the paper: use more light.")
         )
-    if quality.glare_fraction > p.light:
+    if quality.glare_fraction > _LIGHT:
         share = max(1, round(100 * quality.glare_fraction))
         found.append(
             Advice(
@@ -80,7 +74,7 @@ def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
                 detail=f"Glare covers {share} % of the text: switch off the flash, or move the lamp.",
             )
         )
-    if quality.shadow_fraction > p.light:
+    if quality.shadow_fraction > _LIGHT:
         share = max(1, round(100 * quality.shadow_fraction))
         found.append(
             Advice(

@@ -16,30 +16,24 @@ from scipy.fft import rfft, rfftfreq
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
+from services.capture.print_patches import choose_windows
 from services.imaging.node_grid import take_values
 
-
-@dataclass(frozen=True, slots=True)
-class LetterSizeParameters:
-    """Lengths are multiples of the height of characters that is known before."""
-
-    windows: int = 48
-    """Places on the page that are averaged."""
-    across: float = 6.0
-    """Half the window's extent across the lines: two lines on either side."""
-    along: float = 5.0
-    """Half the window's extent along the line: two words, over which letters average out; on creased paper longer lines
-    are not straight."""
-    rows: int = 97
-    columns: int = 16
-    half_share: float = 0.47
-    """Shift at which the autocorrelation is a half, over the height of small letters; 0.41 to 0.62 for nine tenths of
-    223 simulated photos, sharp and spoilt."""
-    tilts_rad: tuple[float, ...] = tuple(np.deg2rad(np.arange(-14.0, 14.1, 2.0)).tolist())
-    """Directions of the rows against the page's axis."""
-    plausible: tuple[float, float] = (0.25, 4.0)
-    """Heights of letters over that of the characters known before, which noise breaks into pieces and blur joins: the
-    second windows' unit is bounded by these. Crooked lines seem to have higher letters than they have."""
+_ACROSS = 6.0
+"""Half the window's extent across the lines: two lines on either side."""
+_ALONG = 5.0
+"""Half the window's extent along the line: two words, over which letters average out; on creased paper longer lines
+are not straight."""
+_ROWS = 97
+_COLUMNS = 16
+_HALF_SHARE = 0.47
+"""Shift at which the autocorrelation is a half, over the height of small letters; 0.41 to 0.62 for nine tenths of
+223 simulated photos, sharp and spoilt."""
+_TILTS_RAD = tuple(np.deg2rad(np.arange(-14.0, 14.1, 2.0)).tolist())
+"""Directions of the rows against the page's axis."""
+_PLAUSIBLE = (0.25, 4.0)
+"""Heights of letters over that of the characters known before, which noise breaks into pieces and blur joins: the
+second windows' unit is bounded by these. Crooked lines seem to have higher letters than they have."""
 
 
 def text_axes(mesh: Floats, points: Points) -> Floats:
@@ -69,15 +63,15 @@ def measure_letter_rows(gray: GrayImage, at: Points, axes: Floats, height_px: fl
     `at` (N, 2) are places of characters, `axes` (N, 2) the directions of the page's rows there, and `height_px` is the
     usual height of the characters that were found.
     """
-    p = LetterSizeParameters()
-    chosen = np.unique(np.linspace(0, len(at) - 1, min(p.windows, len(at))).astype(int))
-    level = _from_rows(gray, at[chosen], axes[chosen], height_px, (0.0,), p)
+
+    chosen = choose_windows(len(at))
+    level = _from_rows(gray, at[chosen], axes[chosen], height_px, (0.0,))
     if level is None:
         return LetterRows(height_px, 0.0)
     # In a window that is too small, a single stroke is the clearest row.
-    least, most = p.plausible
+    least, most = _PLAUSIBLE
     window_px = min(max(level.height_px, least * height_px), most * height_px)
-    return _from_rows(gray, at[chosen], axes[chosen], window_px, p.tilts_rad, p) or level
+    return _from_rows(gray, at[chosen], axes[chosen], window_px, _TILTS_RAD) or level
 
 
 def _from_rows(
@@ -86,21 +80,20 @@ def _from_rows(
     axes: Floats,
     height_px: float,
     tilts_rad: tuple[float, ...],
-    p: LetterSizeParameters,
 ) -> LetterRows | None:
-    v = np.linspace(-p.across, p.across, p.rows) * height_px
-    u = np.linspace(-p.along, p.along, p.columns) * height_px
+    v = np.linspace(-_ACROSS, _ACROSS, _ROWS) * height_px
+    u = np.linspace(-_ALONG, _ALONG, _COLUMNS) * height_px
     normal = np.column_stack([-axes[:, 1], axes[:, 0]])
     places = at[:, None, None] + axes[:, None, None] * u[:, None] + normal[:, None, None] * v[:, None, None]
-    maps = places.reshape(-1, p.columns, 2).astype(np.float32)
-    seen = take_values(gray, maps, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE).reshape(len(at), p.rows, p.columns)
+    maps = places.reshape(-1, _COLUMNS, 2).astype(np.float32)
+    seen = take_values(gray, maps, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE).reshape(len(at), _ROWS, _COLUMNS)
     spectra = _row_spectra(seen, u / float(v[1] - v[0]), tilts_rad)
     best = np.argmax(spectra.sum(axis=2), axis=1)
-    shift = _half_shift(spectra[np.arange(len(at)), best].mean(axis=0), p.rows)
+    shift = _half_shift(spectra[np.arange(len(at)), best].mean(axis=0), _ROWS)
     if shift is None:
         return None
     tilt = float(np.mean(np.abs(np.array(tilts_rad)[best])))
-    return LetterRows(shift * float(v[1] - v[0]) / p.half_share, tilt)
+    return LetterRows(shift * float(v[1] - v[0]) / _HALF_SHARE, tilt)
 
 
 def _row_spectra(windows: Floats, offsets: Vector, tilts_rad: tuple[float, ...]) -> Floats:

@@ -9,39 +9,35 @@ from scipy.spatial import cKDTree
 
 from services.arrays import Floats, GrayImage, Points, Vector
 from services.capture.letter_size import measure_letter_rows, text_axes
-from services.capture.print_patches import measure_patches
+from services.capture.print_patches import choose_windows, measure_patches
 from services.capture.stroke_detail import measure_strokes
 from services.imaging.reduction import reduce_image
 from services.order_statistics import median
+
+_PATCHES = 100
+"""Characters that are looked at; more do not change the medians."""
+_CELLS = 6
+"""Of the grid on which the least text height is found, along each side."""
+_CELL_CHARACTERS = 8
+_CUT_HEIGHTS = 0.6
+"""A character whose centre is this near to the photo's border is cut off."""
+_OBLIQUE_COS = 0.259
+"""Cosine of 75 degrees; strokes seen more obliquely run together."""
+_GLARE_LEVEL = 251
+_SHADOW_LEVEL = 10
+_BLOB_HEIGHTS = 2.0
+"""Glare and shadow are larger than this; smaller bright and dark parts are paper and ink."""
+_OVEREXPOSED = 0.5
+"""If a larger share of the page is at the highest level, the whole photo is bright, and it is no glare."""
+_AREA_SIDE_PX = 800
+"""Long side of the image on which glare and shadow are measured."""
+
 
 FEWEST_EDGES = 5
 SHARP_PX = 0.7
 """Blur of a sharp photo; less is not measured."""
 UNEVEN = 1.6
 """A third that is more blurred than the sharpest by this factor is out of focus."""
-
-
-@dataclass(frozen=True, slots=True)
-class QualityParameters:
-    """Where the figures are measured."""
-
-    patches: int = 100
-    """Characters that are looked at; more do not change the medians."""
-    cells: int = 6
-    """Of the grid on which the least text height is found, along each side."""
-    cell_characters: int = 8
-    cut_heights: float = 0.6
-    """A character whose centre is this near to the photo's border is cut off."""
-    oblique_cos: float = 0.259
-    """Cosine of 75 degrees; strokes seen more obliquely run together."""
-    glare_level: int = 251
-    shadow_level: int = 10
-    blob_heights: float = 2.0
-    """Glare and shadow are larger than this; smaller bright and dark parts are paper and ink."""
-    overexposed: float = 0.5
-    """If a larger share of the page is at the highest level, the whole photo is bright, and it is no glare."""
-    area_side_px: int = 800
-    """Long side of the image on which glare and shadow are measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,20 +92,19 @@ def measure_quality(
     characters: Points,
     sizes: Vector,
     mesh: NDArray[np.float64] | None = None,
-    parameters: QualityParameters | None = None,
 ) -> CaptureQuality | None:
     """Figures of the photo `gray` (H, W) with the given characters; None without any.
 
     `characters` (N, 2) are their centres and `sizes` (N,) their heights in photo pixels. `mesh` (rows, columns, 2) has
     the photo points of the flat page.
     """
-    p = parameters or QualityParameters()
+
     inside = np.all((characters > 0) & (characters < [gray.shape[1] - 1, gray.shape[0] - 1]), axis=1)
     characters, sizes = characters[inside], sizes[inside]
     if len(characters) == 0:
         return None
     height = float(np.median(sizes))
-    chosen = np.unique(np.linspace(0, len(characters) - 1, min(p.patches, len(characters))).astype(int))
+    chosen = choose_windows(len(characters), _PATCHES)
     at = characters[chosen]
     axes = np.tile([1.0, 0.0], (len(at), 1)) if mesh is None else text_axes(mesh, at)
     rows = measure_letter_rows(gray, at, axes, height)
@@ -117,13 +112,13 @@ def measure_quality(
     print_ = measure_patches(gray, at, height)
     blurs = print_.blurs
     seen = np.isfinite(blurs)
-    glare, shadow = _measure_light(gray, characters, height, p)
+    glare, shadow = _measure_light(gray, characters, height)
     return CaptureQuality(
-        text_height_min_px=_least_height(characters, sizes, p),
+        text_height_min_px=_least_height(characters, sizes),
         text_height_median_px=height,
         blur_px=float(np.median(blurs[seen])) if seen.any() else 0.0,
         contrast=float(np.median(print_.contrasts)),
-        cut_off_fraction=_cut_off(gray.shape, characters, sizes, mesh, p),
+        cut_off_fraction=_cut_off(gray.shape, characters, sizes, mesh),
         glare_fraction=glare,
         shadow_fraction=shadow,
         blurred_side=_blurred_side(gray.shape, at[seen], blurs[seen]),
@@ -136,14 +131,14 @@ def measure_quality(
     )
 
 
-def _least_height(characters: Points, sizes: Vector, p: QualityParameters) -> float:
+def _least_height(characters: Points, sizes: Vector) -> float:
     """Least of the median heights in the cells of a grid over the text."""
     low, extent = characters.min(axis=0), np.maximum(np.ptp(characters, axis=0), 1.0)
-    cell = np.minimum(((characters - low) / extent * p.cells).astype(int), p.cells - 1) @ [1, p.cells]
+    cell = np.minimum(((characters - low) / extent * _CELLS).astype(int), _CELLS - 1) @ [1, _CELLS]
     medians = [
         median(sizes[cell == number])
-        for number in range(p.cells**2)
-        if np.count_nonzero(cell == number) >= p.cell_characters
+        for number in range(_CELLS**2)
+        if np.count_nonzero(cell == number) >= _CELL_CHARACTERS
     ]
     return min(medians, default=float(np.median(sizes)))
 
@@ -153,12 +148,11 @@ def _cut_off(
     characters: Points,
     sizes: Vector,
     mesh: NDArray[np.float64] | None,
-    p: QualityParameters,
 ) -> float:
     edge = np.minimum(characters, np.array([shape[1] - 1, shape[0] - 1]) - characters).min(axis=1)
-    cut = edge < p.cut_heights * sizes
+    cut = edge < _CUT_HEIGHTS * sizes
     if mesh is not None:
-        cut |= _cosines(mesh, characters) < p.oblique_cos
+        cut |= _cosines(mesh, characters) < _OBLIQUE_COS
     return float(cut.mean())
 
 
@@ -186,23 +180,21 @@ def _least_over_largest(across: Floats, down: Floats) -> Floats:
     return np.asarray(np.where(total > 0, (total - apart) / np.maximum(total + apart, 1e-9), 1.0))
 
 
-def _measure_light(
-    gray: GrayImage, characters: Points, height_px: float, p: QualityParameters
-) -> tuple[float, float]:
+def _measure_light(gray: GrayImage, characters: Points, height_px: float) -> tuple[float, float]:
     """Shares of the page's area that are glare, and shadow without detail."""
-    factor = min(1.0, p.area_side_px / max(gray.shape))
+    factor = min(1.0, _AREA_SIDE_PX / max(gray.shape))
     small = reduce_image(gray, factor, fine=False)
     page = np.zeros(small.shape, np.uint8)
     hull = cv2.convexHull((characters * factor).astype(np.float32))
     cv2.fillConvexPoly(page, np.round(hull).astype(np.int32), 1)
     area = max(int(page.sum()), 1)
-    side = max(3, round(p.blob_heights * height_px * factor) | 1)
+    side = max(3, round(_BLOB_HEIGHTS * height_px * factor) | 1)
     kernel = np.ones((side, side), np.uint8)
-    bright = np.asarray((small >= p.glare_level) & (page > 0), np.uint8)
+    bright = np.asarray((small >= _GLARE_LEVEL) & (page > 0), np.uint8)
     glare = 0.0
-    if bright.sum() < p.overexposed * area:
+    if bright.sum() < _OVEREXPOSED * area:
         glare = float(cv2.morphologyEx(bright, cv2.MORPH_OPEN, kernel).sum()) / area
-    dark = np.asarray((small <= p.shadow_level) & (page > 0), np.uint8)
+    dark = np.asarray((small <= _SHADOW_LEVEL) & (page > 0), np.uint8)
     return glare, float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area
 
 

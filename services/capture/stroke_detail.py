@@ -11,29 +11,23 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats, GrayImage, Points
-from services.capture.print_patches import Patches, cut_patches
+from services.capture.print_patches import Patches, choose_windows, cut_patches
 from services.geometry.homographies import from_resized
 
-
-@dataclass(frozen=True, slots=True)
-class StrokeParameters:
-    """Lengths are multiples of the height of small letters."""
-
-    patches: int = 48
-    half: float = 1.2
-    """Half the side of a patch: a few letters of one line, and the gaps to its neighbours."""
-    fine: float = 0.12
-    """Standard deviation of the smoothing before gradients are taken: about a stroke's width."""
-    coarse: float = 0.2
-    """That of the image whose variance is the reference."""
-    margin: float = 0.65
-    """Round the patch, so that smoothing does not reach the next one."""
-    most_px: float = 20.0
-    """Larger letters are reduced to 10 to 20 pixels: strokes have no finer detail."""
-    paper_percentile: float = 60.0
-    """Lighter pixels are paper, on which noise is measured."""
-    least: float = 1e-4
-    """Smallest ratio; noise hides what is less."""
+_HALF = 1.2
+"""Half the side of a patch: a few letters of one line, and the gaps to its neighbours."""
+_FINE = 0.12
+"""Standard deviation of the smoothing before gradients are taken: about a stroke's width."""
+_COARSE = 0.2
+"""That of the image whose variance is the reference."""
+_MARGIN = 0.65
+"""Round the patch, so that smoothing does not reach the next one."""
+_MOST_PX = 20.0
+"""Larger letters are reduced to 10 to 20 pixels: strokes have no finer detail."""
+_PAPER_PERCENTILE = 60.0
+"""Lighter pixels are paper, on which noise is measured."""
+_LEAST = 1e-4
+"""Smallest ratio; noise hides what is less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,26 +47,26 @@ def measure_strokes(gray: GrayImage, at: Points, axes: Floats, letter_px: float)
 
     `axes` (N, 2) are the directions of the text lines there, `letter_px` is the height of small letters.
     """
-    p = StrokeParameters()
-    chosen = np.unique(np.linspace(0, len(at) - 1, min(p.patches, len(at))).astype(int))
-    step = max(1, round(letter_px / (0.75 * p.most_px))) if letter_px > p.most_px else 1
+
+    chosen = choose_windows(len(at))
+    step = max(1, round(letter_px / (0.75 * _MOST_PX))) if letter_px > _MOST_PX else 1
     size = letter_px / step
-    margin = int(np.ceil(p.margin * size)) + 2
-    half = max(3, round(p.half * size))
+    margin = int(np.ceil(_MARGIN * size)) + 2
+    half = max(3, round(_HALF * size))
     patches = _cut(gray, at[chosen], half + margin, step)
     inner = slice(margin, -margin)
-    noise = _noise(patches[:, inner, inner], p)
-    fine, coarse = _smooth(patches, p.fine * size), _smooth(patches, p.coarse * size)
+    noise = _noise(patches[:, inner, inner])
+    fine, coarse = _smooth(patches, _FINE * size), _smooth(patches, _COARSE * size)
     dx = (fine[:, 1:-1, 2:] - fine[:, 1:-1, :-2])[:, margin - 1 : 1 - margin, margin - 1 : 1 - margin] / 2
     dy = (fine[:, 2:, 1:-1] - fine[:, :-2, 1:-1])[:, margin - 1 : 1 - margin, margin - 1 : 1 - margin] / 2
     c, s = (axes[chosen, k].astype(np.float32)[:, None, None] for k in (0, 1))
     along, across = c * dx + s * dy, c * dy - s * dx
-    unseen = noise**2 * _gradient_gain(p.fine * size)
+    unseen = noise**2 * _gradient_gain(_FINE * size)
     xx, yy = float(np.mean(along**2)) - unseen, float(np.mean(across**2)) - unseen
     xy = float(np.mean(along * across))
     least = (xx + yy) / 2 - float(np.hypot((xx - yy) / 2, xy))
     scale = size**2 / max(float(np.mean(coarse[:, inner, inner].var(axis=(1, 2)))), 1e-6)
-    return StrokeDetail(*(max(value * scale, p.least) for value in (xx, yy, least)))
+    return StrokeDetail(*(max(value * scale, _LEAST) for value in (xx, yy, least)))
 
 
 def _cut(gray: GrayImage, at: Points, half: int, step: int) -> Patches:
@@ -91,12 +85,12 @@ def _smooth(patches: Patches, sigma: float) -> Patches:
     return np.asarray(smooth, np.float32).reshape(patches.shape)
 
 
-def _noise(patches: Patches, p: StrokeParameters) -> float:
+def _noise(patches: Patches) -> float:
     """Standard deviation of white noise on the paper, by the mask of Immerkaer (1996), which cancels edges."""
     second = patches[:, :, 2:] - 2 * patches[:, :, 1:-1] + patches[:, :, :-2]
     mixed = np.abs(second[:, 2:] - 2 * second[:, 1:-1] + second[:, :-2])
     middle = patches[:, 1:-1, 1:-1]
-    light = np.percentile(middle, p.paper_percentile, axis=(1, 2))[:, None, None]
+    light = np.percentile(middle, _PAPER_PERCENTILE, axis=(1, 2))[:, None, None]
     on_paper = mixed[middle > light]
     return float(np.median(on_paper)) / 0.6745 / 6 if on_paper.size else 0.0
 

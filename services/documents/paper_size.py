@@ -17,6 +17,24 @@ from scipy.spatial import cKDTree
 from services.arrays import Points
 from services.geometry.sheet_aspect import SheetAspect
 
+_LEAST_DEVIATION = 0.004
+"""On simulated photos with the outline in view."""
+_ASSUMED_CAMERA = 0.02
+"""Added where nothing shows the focal length of a bent sheet: the foreshortening of a tilted one depends on it."""
+_AGREEMENT = 2.5
+"""A format fits within this many deviations."""
+_MOST_DEVIATION = 0.025
+"""Letter and A4 differ by 0.089: beyond this the aspect decides nothing."""
+_CROPPED_DEVIATION = 0.08
+"""Of pages that a phone's app has cropped, from A4: 17 pages from six phones."""
+_FILE_DEVIATION = 0.001
+_SCAN_ERROR_MM = 2.0
+"""Sides of scans of a format differ from it by less."""
+_CERTAIN_FORMAT = 0.95
+"""Probability from which on a format is named that a sheet has been given because the photo does not show its
+aspect: of 3600 simulated sheets, two fifths of them of no format, 604 were named so, 8 of these wrongly."""
+
+
 MM_PER_INCH = 25.4
 FORMATS: dict[str, tuple[float, float]] = {
     "a3": (297.0, 420.0),
@@ -34,29 +52,7 @@ _SIZE = re.compile(r"(\d{1,4}(?:\.\d)?)x(\d{1,4}(?:\.\d)?)(?:mm)?")
 
 
 @dataclass(frozen=True, slots=True)
-class PaperSizeParameters:
-    """Uncertainty of the aspect, as standard deviation of its logarithm, and when a format is named."""
-
-    least_deviation: float = 0.004
-    """On simulated photos with the outline in view."""
-    assumed_camera: float = 0.02
-    """Added where nothing shows the focal length of a bent sheet: the foreshortening of a tilted one depends on it."""
-    agreement: float = 2.5
-    """A format fits within this many deviations."""
-    most_deviation: float = 0.025
-    """Letter and A4 differ by 0.089: beyond this the aspect decides nothing."""
-    cropped_deviation: float = 0.08
-    """Of pages that a phone's app has cropped, from A4: 17 pages from six phones."""
-    file_deviation: float = 0.001
-    scan_error_mm: float = 2.0
-    """Sides of scans of a format differ from it by less."""
-    certain_format: float = 0.95
-    """Probability from which on a format is named that a sheet has been given because the photo does not show its
-    aspect: of 3600 simulated sheets, two fifths of them of no format, 604 were named so, 8 of these wrongly."""
-
-
-@dataclass(frozen=True, slots=True)
-class PageSize:
+class SheetSize:
     """Size of the sheet in millimetres and resolution of the flat view; None for what is not known.
 
     `source` is "outline" (by the aspect of the sheet), "given", or "file" (by its resolution). `reason` is a sentence
@@ -114,7 +110,7 @@ def measure_size(
     camera_assumed: bool,
     seen: SheetAspect | None = None,
     stretch: float | None = None,
-) -> PageSize:
+) -> SheetSize:
     """The size of the sheet in a flat view of `width` x `height` pixels.
 
     Parameters
@@ -133,7 +129,7 @@ def measure_size(
         Factor by which the view's width over its height was changed to have the proportions of `paper`; None: it was
         not fitted to them.
     """
-    p = PaperSizeParameters()
+
     sides = None
     if corners is not None and np.isfinite(corners).all():
         sides = _sides(places_in_view(corners, mesh, width, height))
@@ -146,13 +142,13 @@ def measure_size(
             percent = 100 * (max(stretch, 1 / stretch) - 1)
             reason += f" The view was made {way} by {percent:.1f} % to have its proportions."
         dpi = shown / size[0] * MM_PER_INCH
-        return PageSize(
+        return SheetSize(
             *size, dpi, paper, "given", reason, stretch=None if stretch is None else round(stretch, 4)
         )
     if paper == "none":
-        return PageSize(None, None, None, None, None, "The request wants no size.")
+        return SheetSize(None, None, None, None, None, "The request wants no size.")
     if sides is None:
-        return PageSize(
+        return SheetSize(
             None,
             None,
             None,
@@ -162,66 +158,66 @@ def measure_size(
         )
     sheet_width, sheet_height, difference = sides
     aspect = sheet_width / sheet_height
-    deviation = math.hypot(p.least_deviation, difference)
+    deviation = math.hypot(_LEAST_DEVIATION, difference)
     if seen is not None:
         # Where the sides are bent a little, their lines meet elsewhere than at the corners. The view may be turned.
         bent = min(abs(math.log(aspect / seen.aspect)), abs(math.log(aspect * seen.aspect)))
         deviation = math.hypot(deviation, seen.log_deviation, bent)
     elif camera_assumed:
-        deviation += p.assumed_camera
-    if seen is not None and seen.likely is not None and seen.probability < p.certain_format:
+        deviation += _ASSUMED_CAMERA
+    if seen is not None and seen.likely is not None and seen.probability < _CERTAIN_FORMAT:
         reason = (
             f"The photo shows the sheet's aspect to {100 * deviation:.1f} % only; {seen.likely} is the likeliest "
             f"format, with a probability of {seen.probability:.2f}."
         )
-        return PageSize(None, None, None, None, None, reason, round(aspect, 4), round(deviation, 4))
-    return _choose(sheet_width, aspect, deviation, p)
+        return SheetSize(None, None, None, None, None, reason, round(aspect, 4), round(deviation, 4))
+    return _choose(sheet_width, aspect, deviation)
 
 
-def size_of_photo(width: int, height: int, dpi: float | None) -> PageSize:
+def size_of_photo(width: int, height: int, dpi: float | None) -> SheetSize:
     """The size of a photo that is the page itself, whose view has `width` x `height` pixels.
 
     `dpi` is the resolution of the view by the file, if it says one: it gives the size. Else the photo may be squeezed.
     """
-    p = PaperSizeParameters()
+
     aspect = round(width / height, 4)
     if dpi is None:
         reason = "The photo is the page. Cropping may have changed its proportions; send paper to fit the view to it."
-        return PageSize(None, None, None, None, None, reason, aspect, p.cropped_deviation)
+        return SheetSize(None, None, None, None, None, reason, aspect, _CROPPED_DEVIATION)
     size = width / dpi * MM_PER_INCH, height / dpi * MM_PER_INCH
     names = [
         name
         for name, sides in FORMATS.items()
-        if max(abs(a - b) for a, b in zip(sorted(size), sorted(sides), strict=True)) < p.scan_error_mm
+        if max(abs(a - b) for a, b in zip(sorted(size), sorted(sides), strict=True)) < _SCAN_ERROR_MM
     ]
     reason = f"The file's resolution is {dpi:.0f} dpi."
     name = names[0] if names else None
-    return PageSize(round(size[0], 1), round(size[1], 1), dpi, name, "file", reason, aspect, p.file_deviation)
+    return SheetSize(round(size[0], 1), round(size[1], 1), dpi, name, "file", reason, aspect, _FILE_DEVIATION)
 
 
-def _choose(sheet_width: float, aspect: float, deviation: float, p: PaperSizeParameters) -> PageSize:
+def _choose(sheet_width: float, aspect: float, deviation: float) -> SheetSize:
     evidence = round(aspect, 4), round(deviation, 4)
-    if deviation > p.most_deviation:
+    if deviation > _MOST_DEVIATION:
         reason = (
             f"The sheet's aspect is known to {100 * deviation:.1f} % only, too little to tell formats apart."
         )
-        return PageSize(None, None, None, None, None, reason, *evidence)
+        return SheetSize(None, None, None, None, None, reason, *evidence)
     upright = min(aspect, 1.0 / aspect)
     fitting = [
         name
         for name in CANDIDATES
-        if abs(math.log(upright * FORMATS[name][1] / FORMATS[name][0])) <= p.agreement * deviation
+        if abs(math.log(upright * FORMATS[name][1] / FORMATS[name][0])) <= _AGREEMENT * deviation
     ]
     if len(fitting) != 1:
         what = "fits no known format" if not fitting else f"fits {' and '.join(fitting)}"
         reason = f"The sheet's aspect, {aspect:.3f} within {100 * deviation:.1f} %, {what}."
-        return PageSize(None, None, None, None, None, reason, *evidence)
+        return SheetSize(None, None, None, None, None, reason, *evidence)
     name = fitting[0]
     width_mm, height_mm = FORMATS[name] if aspect <= 1 else FORMATS[name][::-1]
     reason = f"The sheet's aspect, {aspect:.3f} within {100 * deviation:.1f} %, is that of {name} alone."
     if name == "a4":
         reason = reason.replace("a4 alone", "the A series; A4 is assumed (send paper=a3 or a5 for others)")
-    return PageSize(
+    return SheetSize(
         width_mm, height_mm, sheet_width / width_mm * MM_PER_INCH, name, "outline", reason, *evidence
     )
 

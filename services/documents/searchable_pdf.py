@@ -16,7 +16,7 @@ from PIL import ImageCms
 from services.contract.images import PdfVersion
 from services.documents.glyphless_font import UNITS, WIDTH, glyph_of_every_character, make_glyphless_font
 from services.ocr.engine import Word
-from services.text.page_text import Box, PageText, TextLine, is_right_to_left, needs_space
+from services.text.page_text import Box, PageText, ReadLine, is_right_to_left, needs_space
 
 SOFTWARE = "document-rectification"
 _LOW_WORD = 0.6
@@ -161,7 +161,7 @@ def _add_layer(
     page.contents_add(layer, prepend=True)
 
 
-def _rows_of(word: Word, line: TextLine) -> Box:
+def _rows_of(word: Word, line: ReadLine) -> Box:
     """Box of the word in the layer, in pixels."""
     x0, y0, x1, y1 = word.box
     _, top, _, bottom = line.box

@@ -30,12 +30,8 @@ class FramingParameters:
     max_enlargement: float = 2.0
     small_view_px: float = 4e6
     """Pixels of a view that are always allowed."""
-    least_growth: float = 1.02
-    """A view is not enlarged for less."""
     longest_side_px: float = 20000.0
     """Longest side of a view; OpenCV remaps no more than 32767 pixels."""
-    min_characters: int = 30
-    """With fewer, the whole sheet decides the resolution."""
     max_sheet_reach: float = 8.0
     """The same when it is: a bound for what cannot be a sheet."""
 
@@ -105,6 +101,31 @@ def resize_frame(frame: AnyFrame, factor: float) -> AnyFrame:
     """The same view with `factor` times the pixels on a side."""
     width, height = max(round(frame.width * factor), 1), max(round(frame.height * factor), 1)
     return frame.through(np.linalg.inv(resizing(factor)), width, height)
+
+
+def restore_detail(frame: AnyFrame, photo_pixels: int, characters: Points, text_height_px: float) -> AnyFrame:
+    """Raise the resolution of `frame` to that of the photo, and above it where print is small.
+
+    A view that was larger before it was cut may have been reduced. Small print loses detail by every resampling, less
+    so if it is drawn with more pixels than the photo has, which are `photo_pixels`. `characters` (N, 2) are their
+    centres in the photo. `frame` itself is returned if its resolution is right.
+    """
+    f = FramingParameters()
+    at = frame.to_flat(characters)
+    at = at[np.isfinite(at).all(axis=1)]
+    if not len(at):
+        return frame
+    steps = [frame.to_photo(at + d) for d in np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])]
+    a, b = steps[1] - steps[0], steps[2] - steps[0]
+    with np.errstate(invalid="ignore"):
+        lost = np.sqrt(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+    growth = float(np.nanpercentile(lost, f.detail_percentile))
+    enlargement = float(np.clip(f.small_print_px / max(text_height_px, 1.0), 1.0, f.max_enlargement))
+    growth *= enlargement
+    pixels = max(f.max_growth * photo_pixels, f.small_view_px if enlargement > 1 else 0.0)
+    room = np.sqrt(pixels / (frame.width * frame.height))
+    growth = min(growth, float(room), f.longest_side_px / max(frame.width, frame.height))
+    return resize_frame(frame, growth) if growth > 1.0 else frame
 
 
 def mesh_of(frame: Frame, columns: int = 49, rows: int = 65) -> Floats:

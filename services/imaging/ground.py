@@ -21,10 +21,6 @@ SIDES = ("top", "right", "bottom", "left")
 """Of the photo's frame, in the order of the depths of slivers."""
 CUT_PERCENTILE = 25.0
 """Of a sliver's depths along its side."""
-CORNER_GROWTH = 1.2
-"""Of a sliver's depth near a corner, since slivers are wedges."""
-BEYOND_PX = -2.0
-"""Where a side has no sliver, the ground's outline lies this far beyond the frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,19 +39,14 @@ class GroundParameters:
     reach_px: int = 5
     dark: float = 0.35
     """Difference of brightness between a sliver of desk and the paper beside it."""
-    hue: float = 12.0
     deepest: float = 0.05
     """A desk that reaches deeper into the photo is no sliver."""
     deep_share: float = 0.1
     """Share of a side on which it may."""
-    paper_px: int = 3
-    """Pixels of paper one after another behind which a sliver has ended."""
     spike: float = 0.03
     """Slivers that are shorter along a side are print that touches the frame."""
     reached_share: float = 0.8
     """Share of a side of a flat view on which the ground must go on to where the photo ends."""
-    least_cover: float = 0.75
-    """Share of the photo that the ground covers, pictures on it included."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +73,7 @@ class Ground:
 
     @property
     def outline(self) -> Points | None:
-        """Outline (M, 2), photo pixels, of the ground, beyond the frame where no sliver is; None if there are none."""
+        """Outline (M, 2), photo pixels, of the ground, the frame where no sliver is; None if there are none."""
         if not any(depth.any() for depth in self.slivers):
             return None
         right, bottom = self.size[0] - 1, self.size[1] - 1
@@ -106,13 +97,13 @@ class Ground:
         end = 0 if side in (0, 3) else -1
         low, high = self._near_corner(first, end), self._near_corner(last, end)
         kept = (along >= low) & (along <= length - high)
-        return along[kept], np.where(depth > 0, depth, BEYOND_PX)[kept]
+        return along[kept], depth[kept]
 
     def _near_corner(self, side: int, end: int) -> float:
         """Depth of a side's sliver near its first (0) or last (-1) end, but beyond the sliver of the side beside it."""
         depth = self.slivers[side] if end == 0 else self.slivers[side][::-1]
         step = max(len(depth) // 20, 1)
-        return float(np.percentile(depth[step // 2 : 2 * step], 75)) * CORNER_GROWTH
+        return float(np.percentile(depth[step // 2 : 2 * step], 75))
 
 
 def find_ground(photo: RgbImage | Halves, parameters: GroundParameters | None = None) -> Ground | None:
@@ -124,8 +115,6 @@ def find_ground(photo: RgbImage | Halves, parameters: GroundParameters | None = 
     small = reduce_image(halves, factor, least_side_px=8)
     blank = _without_print(small, p)
     ground = _largest_part(~_edges(blank, p), p)
-    if ground.mean() < p.least_cover:
-        return None
     depths = _slivers(halves, ground, blank, p)
     if depths is None:
         return None
@@ -186,7 +175,7 @@ def _slivers(
     found: list[Vector] = []
     for side in SIDES:
         limit = p.deepest * size[1 - SIDES.index(side) % 2]
-        strip = int(limit) + p.paper_px + 1
+        strip = int(limit) + 2
         seen, paper, near = (_from_side(image, side)[:strip] for image in (fine, even, joined))
         depth = _depths(near & ~_differs(seen, paper, p), p)
         if (depth > limit).mean() > p.deep_share:
@@ -246,19 +235,13 @@ def _largest_part(even: Mask, p: GroundParameters) -> Mask:
 
 
 def _differs(small: RgbImage, blank: RgbImage, p: GroundParameters) -> Mask:
-    """Pixels of `small` (h, w, 3) unlike the paper `blank` there: print, and slivers that the closing removed."""
-    small, blank = np.ascontiguousarray(small), np.ascontiguousarray(blank)
-    lab, paper = (cv2.cvtColor(image, cv2.COLOR_RGB2LAB).astype(np.float64) for image in (small, blank))
-    other = np.abs(lab[..., 1:] - paper[..., 1:]).max(axis=2) > p.hue
-    return np.asarray(other | (_log_brightness(blank) - _log_brightness(small) > p.dark))
+    """Pixels of `small` (h, w, 3) darker than the paper `blank` there: print, and slivers that the closing removed."""
+    return np.asarray(_log_brightness(blank) - _log_brightness(small) > p.dark)
 
 
 def _depths(paper: Mask, p: GroundParameters) -> Vector:
-    """Rows (w,) before the first of `paper_px` rows of `paper` (h, w), along its first row; short spikes are print."""
+    """Rows (w,) before the first row of `paper` (h, w), along its first row; short spikes are print."""
     rows, columns = paper.shape
-    if rows < p.paper_px:
-        return np.full(columns, float(rows))
-    run = np.lib.stride_tricks.sliding_window_view(paper, p.paper_px, axis=0).all(axis=2)
-    first = np.where(run.any(axis=0), run.argmax(axis=0), rows).astype(np.float64)
+    first = np.where(paper.any(axis=0), paper.argmax(axis=0), rows).astype(np.float64)
     window = max(round(p.spike * columns), 1) | 1
     return np.asarray(median_filter(first, window, mode="nearest"))

@@ -28,13 +28,6 @@ class PaperParameters:
     text_contrast: float = 0.8
     text_chroma: float = 40.0
     """Characters whose ground differs from the paper's by more lie on something else."""
-    straightness: float = 0.004
-    long_edge: float = 0.04
-    """Of the perimeter: corners within the first of an edge are on it; longer edges are edges of the sheet."""
-    corner_growth: float = 1.02
-    """Corners add at most this much to the area."""
-    hull_share: float = 0.96
-    """Of its convex hull, a flat sheet seen whole covers at least this much."""
     part_share: float = 0.05
     """Of the text, a part of a divided sheet holds at least this share."""
     text_share: float = 0.96
@@ -119,51 +112,6 @@ class Paper:
         body = cv2.dilate((labels == label).astype(np.uint8), kernel).astype(bool)
         mask = np.asarray(body & alike)
         return mask if (found == label).mean() >= p.text_share and mask.mean() < 0.97 else None
-
-
-def certain_sheet(outline: Points) -> Points | None:
-    """Convex hull (N, 2) of a sheet's outline when the sheet fills it, so that it is surely one whole sheet.
-
-    None for ragged outlines: a sheet on a ground like itself, an opened book, a torn or folded page.
-    """
-    p = PaperParameters()
-    points = outline.astype(np.float32)
-    hull = cv2.convexHull(points)
-    filled = cv2.contourArea(points) / max(cv2.contourArea(hull), 1e-9)
-    return sharpen_corners(np.asarray(hull[:, 0, :], np.float64), p) if filled >= p.hull_share else None
-
-
-def sharpen_corners(hull: Points, parameters: PaperParameters | None = None) -> Points:
-    """Convex `hull` (N, 2) with the corners back that smoothing took: its long edges, continued until they meet.
-
-    Where that adds more than a little, corners were missing in truth, and the hull is returned as it is.
-    """
-    p = parameters or PaperParameters()
-    perimeter = cv2.arcLength(hull.astype(np.float32), True)
-    corners = cv2.approxPolyDP(hull.astype(np.float32), p.straightness * perimeter, True)[:, 0, :]
-    at = np.sort(np.argmin(np.linalg.norm(corners[:, None] - hull[None], axis=2), axis=1))
-    ways = np.roll(hull, -1, axis=0) - hull
-    lengths = np.linalg.norm(ways, axis=1)
-    # From corner to corner the hull's longest segment is the edge: it touches the sheet and lies outside.
-    spans = [np.arange(a, b) % len(hull) for a, b in zip(at, [*at[1:], at[0] + len(hull)], strict=True)]
-    edges = np.array(
-        [span[np.argmax(lengths[span])] for span in spans if lengths[span].sum() > p.long_edge * perimeter]
-    )
-    if len(edges) < 3:
-        return hull
-    # An edge as a line (a, b, c) with a x + b y + c = 0; neighbours meet in the cross product.
-    start, way = hull[edges], ways[edges] / lengths[edges][:, None]
-    lines = np.column_stack([-way[:, 1], way[:, 0], way[:, 1] * start[:, 0] - way[:, 0] * start[:, 1]])
-    meeting = np.cross(np.roll(lines, 1, axis=0), lines)
-    if (np.abs(meeting[:, 2]) < 1e-3).any():
-        return hull
-    sharp = (meeting[:, :2] / meeting[:, 2:]).astype(np.float32)
-    growth = cv2.contourArea(sharp) / max(cv2.contourArea(hull.astype(np.float32)), 1e-9)
-    return (
-        sharp.astype(np.float64)
-        if cv2.isContourConvex(sharp) and 1 / p.corner_growth < growth < p.corner_growth
-        else hull
-    )
 
 
 def model_paper(

@@ -24,7 +24,7 @@ class InvalidLayout(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class ReadWord:
+class ZoneWord:
     """A word that OCR read: its text, box in pixels of the page, confidence 0-1, and the row of its zone's text."""
 
     text: str
@@ -34,7 +34,7 @@ class ReadWord:
 
 
 @dataclass(frozen=True, slots=True)
-class Appearance:
+class InkAppearance:
     """How the ink of a zone looks.
 
     `density` is the share of its box that is ink; `size` the mean height of its components by their ink, as a
@@ -71,11 +71,11 @@ class Zone:
     line_spacing: float | None = None
     weight: float | None = None
     alignment: Alignment | None = None
-    appearance: Appearance | None = None
+    appearance: InkAppearance | None = None
     text: str = ""
     content: Mapping[str, float] = field(default_factory=dict)
     label: str | None = None
-    words: tuple[ReadWord, ...] = ()
+    words: tuple[ZoneWord, ...] = ()
     pieces: tuple[Box, ...] = ()
 
     @property

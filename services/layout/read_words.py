@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 
-from services.layout.page import ReadWord
+from services.layout.page import ZoneWord
 from services.ocr.engine import Word
 from services.ocr.word_trust import probability_right
 
 
-def read_words(lines: Sequence[Sequence[Word]]) -> tuple[ReadWord, ...]:
+def read_words(lines: Sequence[Sequence[Word]]) -> tuple[ZoneWord, ...]:
     """Words of a zone's lines, numbered by line."""
     return tuple(
-        ReadWord(word.text, word.box, probability_right(word.confidence), row)
+        ZoneWord(word.text, word.box, probability_right(word.confidence), row)
         for row, line in enumerate(lines)
         for word in line
     )

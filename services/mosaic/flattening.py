@@ -14,6 +14,7 @@ from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import is_outside_text, of_text_height
+from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import find_page
 from services.rectify.stage_clock import StageClock
@@ -30,8 +31,6 @@ class FlatteningParameters:
     """More pixels do not improve registration: block matches are accurate to a twentieth of these pixels."""
     largest_reduction: float = 1.3
     """Photo pixels per flat pixel up to which interpolation skips no photo pixel."""
-    long_side_px: int = 1600
-    """Size at which the text height of an already flat photo is measured."""
     text_height: float = 1 / 100
     """Text height as a share of the long side, if no text is found."""
     min_components: int = 10
@@ -93,7 +92,7 @@ def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
     height, width = photo.shape[:2]
     with clock.stage("text"):
         gray = luminance(photo)
-        factor = min(1.0, p.long_side_px / max(width, height))
+        factor = min(1.0, AnalysisParameters().long_side_px / max(width, height))
         text = identify_text(flatten_illumination(reduce_image(gray, factor)))
         characters = len(text.components.sizes)
     measured = text.text_height_px / factor if characters >= p.min_components else None

@@ -3,34 +3,26 @@
 A coloured head or foot of a page, with dark or light text on it, differs from the paper as a desk does.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from services.arrays import Points
 from services.texture_flow.text_identification import TextComponents
 
-
-@dataclass(frozen=True, slots=True)
-class OutsideTextParameters:
-    """What is text of this page."""
-
-    characters: int = 15
-    """Least number of dark characters; a desk gives only single components of the text's size."""
-    light_share: float = 0.3
-    """Least number of light characters relative to all dark ones; the grain of wood gives up to 0.15."""
-    sizes: tuple[float, float] = (0.5, 2.5)
-    """Range of heights relative to the page's text; smaller components are texture, larger ones are objects."""
+# What is text of this page.
+CHARACTERS = 15
+"""Least number of dark characters; a desk gives only single components of the text's size."""
+LIGHT_SHARE = 0.3
+"""Least number of light characters relative to all dark ones; the grain of wood gives up to 0.15."""
+SIZES = (0.5, 2.5)
+"""Range of heights relative to the page's text; smaller components are texture, larger ones are objects."""
 
 
 def of_text_height(components: TextComponents, text_height_px: float) -> Points:
     """Centres (N, 2) of the `components` that are about as high as the text."""
-    p = OutsideTextParameters()
-    low, high = (share * text_height_px for share in p.sizes)
+    low, high = (share * text_height_px for share in SIZES)
     return np.asarray(components.centres[(components.sizes >= low) & (components.sizes <= high)])
 
 
 def is_outside_text(dark: int, light: int, all_dark: int) -> bool:
     """Whether these numbers of dark and light characters outside of an edge, and `all_dark` on the page, are text."""
-    p = OutsideTextParameters()
-    return dark >= p.characters or light >= max(p.characters, p.light_share * all_dark)
+    return dark >= CHARACTERS or light >= max(CHARACTERS, LIGHT_SHARE * all_dark)

@@ -17,6 +17,7 @@ from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
+from services.rectify.analysis.found_text import AnalysisParameters
 from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
 
 
@@ -26,8 +27,6 @@ class PageCroppingParameters:
 
     long_side_px: int = 600
     """Size at which the sheet is detected: a cell is then half a millimetre of an A4 page."""
-    text_long_side_px: int = 1600
-    """As in `AnalysisParameters`."""
     steepest: float = 0.04
     """Largest slope of an edge: sheets are cut parallel to their print within two degrees."""
     slopes: int = 41
@@ -181,7 +180,7 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
 
     The points include dark and light print, on paper or elsewhere.
     """
-    factor = min(1.0, p.text_long_side_px / max(page.shape[:2]))
+    factor = min(1.0, AnalysisParameters().long_side_px / max(page.shape[:2]))
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
     small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
     gray = luminance(small)

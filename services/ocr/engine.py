@@ -6,6 +6,11 @@ from typing import Protocol, runtime_checkable
 
 from services.arrays import GrayImage
 
+MADE_UP = 0.3
+"""Confidence below which a word that lies in no line of print is none: engines read specks and pictures as such."""
+UNSURE = 0.5
+"""Confidence below which a word may be wrong; a line that is read with more is print, however it looks."""
+
 
 @dataclass(frozen=True, slots=True)
 class Word:

@@ -8,7 +8,7 @@ not cover is read again as a line, without any layout analysis.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,34 +18,29 @@ from services.deadline import time_left_s
 from services.ocr.engine import LineReader, OcrEngine, Word, mean_confidence
 from services.ocr.text_lines import TextLine, crop_place, cut_line, detect_text_lines
 
-
-@dataclass(frozen=True, slots=True)
-class LostLineParameters:
-    """When a line counts as lost, and when its second reading is better."""
-
-    least_cover: float = 0.6
-    """Lines are read again when words that were surely read cover less of their width. On photos, lines that were
-    covered by 0.6 to 0.8 took 55 % of the time of second readings for 3 % of the gain: spaces may be wide."""
-    sure: float = 0.7
-    """Least confidence of a word that was surely read."""
-    fused_share: float = 0.35
-    """A word that has so much of the height of two lines is of a row that the engine made of both. Tails and ascenders
-    reach into the next line less far."""
-    least_confidence: float = 0.6
-    """Least mean confidence of a second reading: pictures and specks are read as unsure letters."""
-    short_line: float = 12.0
-    """Width over height up to which an unsure line is read in another mode too; longer ones that are right are sure."""
-    gain: float = 1.05
-    """A second reading must have so many times the sure letters of the first one."""
-    most_again: float = 0.3
-    """Lines of which something was surely read are read again up to so much of the length of all lines, each in its
-    height: reading then takes about as many times longer. Lines of which nothing was read cost no time before."""
-    most_vain: int = 16
-    """After so many second readings that were not better, the longest lines first, ..."""
-    vain_for_each: int = 3
-    """... and so many more for each better one, no more lines are read: a page of handwriting has 200."""
-    crop_height_px: int = 64
-    """Of a line that is read again: on 12 Arabic pages its error is 3.1 %, at 48 px 3.3 and at 36 px 4.3."""
+_LEAST_COVER = 0.6
+"""Lines are read again when words that were surely read cover less of their width. On photos, lines that were
+covered by 0.6 to 0.8 took 55 % of the time of second readings for 3 % of the gain: spaces may be wide."""
+_SURE = 0.7
+"""Least confidence of a word that was surely read."""
+_FUSED_SHARE = 0.35
+"""A word that has so much of the height of two lines is of a row that the engine made of both. Tails and ascenders
+reach into the next line less far."""
+_LEAST_CONFIDENCE = 0.6
+"""Least mean confidence of a second reading: pictures and specks are read as unsure letters."""
+_SHORT_LINE = 12.0
+"""Width over height up to which an unsure line is read in another mode too; longer ones that are right are sure."""
+_GAIN = 1.05
+"""A second reading must have so many times the sure letters of the first one."""
+_MOST_AGAIN = 0.3
+"""Lines of which something was surely read are read again up to so much of the length of all lines, each in its
+height: reading then takes about as many times longer. Lines of which nothing was read cost no time before."""
+MOST_VAIN = 16
+"""After so many second readings that were not better, the longest lines first, ..."""
+_VAIN_FOR_EACH = 3
+"""... and so many more for each better one, no more lines are read: a page of handwriting has 200."""
+_CROP_HEIGHT_PX = 64
+"""Of a line that is read again: on 12 Arabic pages its error is 3.1 %, at 48 px 3.3 and at 36 px 4.3."""
 
 
 def with_lost_lines(
@@ -57,34 +52,32 @@ def with_lost_lines(
     new words take the number of the first of these parts. An engine that cannot read single lines as words leaves them
     as they are. None is read after `ends_s` (of `time.process_time`), or after the deadline.
     """
-    p = LostLineParameters()
+
     found = detect_text_lines(gray).rows
     if not isinstance(engine, LineReader) or not found.lines or found.inverted:
         return list(words)
-    table = _WordTable(words, found.lines, p)
+    table = _WordTable(words, found.lines)
     added: list[Word] = []
     dropped = np.zeros(len(words), dtype=bool)
     free = 1 + max((word.line for word in words if word.line is not None), default=-1)
     vain = better = 0
     # Time of reading grows with the length of lines in their heights.
-    left = p.most_again * sum(line.width_px / line.height_px for line in found.lines)
+    left = _MOST_AGAIN * sum(line.width_px / line.height_px for line in found.lines)
     for index in np.argsort([-line.width_px for line in found.lines], kind="stable").tolist():
         line, own = found.lines[index], table.own(index) & ~dropped
         sure = [words[k].box for k in np.flatnonzero(own & table.sure).tolist()]
-        if _covered(sure, line) >= p.least_cover:
+        if _covered(sure, line) >= _LEAST_COVER:
             continue
         is_over = time.process_time() >= ends_s or time_left_s() <= 0.0
-        if is_over or vain >= p.most_vain + p.vain_for_each * better:
+        if is_over or vain >= MOST_VAIN + _VAIN_FOR_EACH * better:
             break
         if sure and left <= 0.0:
             continue
         own = (own | table.parts(index, own)) & ~dropped
         mine = [words[k] for k in np.flatnonzero(own).tolist()]
-        second = _read_line(gray, _extended(line, mine), engine, p)
+        second = _read_line(gray, _extended(line, mine), engine)
         left -= line.width_px / line.height_px if sure else 0.0
-        if mean_confidence(second) < p.least_confidence or _sure_letters(second) < p.gain * _sure_letters(
-            mine
-        ):
+        if mean_confidence(second) < _LEAST_CONFIDENCE or _sure_letters(second) < _GAIN * _sure_letters(mine):
             vain += 1
             continue
         better += 1
@@ -99,18 +92,18 @@ def with_lost_lines(
 class _WordTable:
     """Which words (N,) of the page lie in which detected lines (M,), by the lines' own slopes."""
 
-    def __init__(self, words: Sequence[Word], lines: Sequence[TextLine], p: LostLineParameters) -> None:
+    def __init__(self, words: Sequence[Word], lines: Sequence[TextLine]) -> None:
         boxes = np.array([word.box for word in words]).reshape(-1, 4)
         rows = np.array([line.box for line in lines])
         middle = (boxes[:, 0] + boxes[:, 2])[:, None] / 2
         self._shares = _height_shares(boxes, rows, np.array([line.slope for line in lines]))
         within = np.where((middle < rows[:, 0]) | (middle > rows[:, 2]), 0.0, self._shares)
-        self._fused = (within >= p.fused_share) & ((within >= p.fused_share).sum(axis=1) > 1)[:, None]
+        self._fused = (within >= _FUSED_SHARE) & ((within >= _FUSED_SHARE).sum(axis=1) > 1)[:, None]
         self._line_of = np.where(within.max(axis=1, initial=0.0) > 0.5, within.argmax(axis=1), -1)
         self._numbers = np.array([-1 if word.line is None else word.line for word in words], dtype=int)
         self._letters = np.array([len(word.text) for word in words], dtype=float)
         self._settle_fused()
-        self.sure = np.array([word.confidence >= p.sure for word in words], dtype=bool)
+        self.sure = np.array([word.confidence >= _SURE for word in words], dtype=bool)
 
     def _settle_fused(self) -> None:
         """A high word is of the line that the other words of its engine's line are of, and not fused."""
@@ -169,17 +162,17 @@ def _covered(boxes: Sequence[tuple[float, float, float, float]], line: TextLine)
     return width / max(line.width_px, 1.0)
 
 
-def _read_line(gray: GrayImage, line: TextLine, engine: LineReader, p: LostLineParameters) -> list[Word]:
+def _read_line(gray: GrayImage, line: TextLine, engine: LineReader) -> list[Word]:
     """Words of one line, boxes on the page; each has the rows of its line."""
     crop = cut_line(
-        gray, line, inverted=False, height_px=p.crop_height_px, longest=float("inf"), stretched=False
+        gray, line, inverted=False, height_px=_CROP_HEIGHT_PX, longest=float("inf"), stretched=False
     )
-    start_px, zoom = crop_place(line, p.crop_height_px)
+    start_px, zoom = crop_place(line, _CROP_HEIGHT_PX)
     middle = (line.box[0] + line.box[2]) / 2
     words = engine.read_line_words(crop)
     confidences = [word.confidence for word in words]
-    is_short = line.width_px <= p.short_line * line.height_px
-    if is_short and mean_confidence(words) < p.least_confidence:
+    is_short = line.width_px <= _SHORT_LINE * line.height_px
+    if is_short and mean_confidence(words) < _LEAST_CONFIDENCE:
         # A heading is often read right and unsurely; a reading in another mode then says the same, and surely.
         text, sure = engine.read_line(crop)
         if text.split() == [word.text for word in words]:

@@ -12,39 +12,35 @@ from services.imaging.components import label_components
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 
+_WORKING_LONG_SIDE_PX = 1200
+"""The reduced copy: ten-point print on A4 is 8 px high there."""
+_INK_CONTRAST = 0.11
+"""Ink is darker than its surroundings by this share of white; faint gray print has about 0.3."""
+_INK_DEVIATIONS = 1.0
+"""And by this many standard deviations of its surroundings."""
+_SURROUNDINGS = 1 / 30
+"""Window of the local mean, as a share of the long side."""
+_HEIGHT_QUANTILES = (0.6, 0.9, 0.25)
+"""Print sizes that are searched: the ordinary one, headings, and small print next to large print or pictures."""
+_HEIGHT_STEP = 1.8
+"""Sizes closer than this factor are one."""
+_WORD_GAP = 2.2
+"""Gaps up to this are closed: wider than between words, narrower than between columns."""
+_LEAST_WIDTH = 3.0
+"""A shorter line says too little."""
+_HEIGHT_RANGE = (0.8, 5.0)
+"""Allowed height of a line."""
+_FILL_RANGE = (0.08, 0.75)
+"""Share of ink in a line's box; rules and frames lie outside."""
+_LARGEST_SLOPE = 0.1
+"""The page is flat, or nearly so."""
+_CLEAR_MASS = 1.0
+"""With so much dark print no light print is searched: lines that the dark gaps between light letters make had
+up to 0.35 on 13 negatives of pages, the pages' own lines 1.4 to 8.4 on all but three sparse ones."""
+
+
 _CROP_MARGIN = 0.2
 """Above and below a line in its crop, in heights of the line: dots and tails that the line's box cuts off."""
-
-
-@dataclass(frozen=True, slots=True)
-class TextLineParameters:
-    """Sizes are multiples of the text height, which is measured first, unless their unit says otherwise."""
-
-    working_long_side_px: int = 1200
-    """The reduced copy: ten-point print on A4 is 8 px high there."""
-    ink_contrast: float = 0.11
-    """Ink is darker than its surroundings by this share of white; faint gray print has about 0.3."""
-    ink_deviations: float = 1.0
-    """And by this many standard deviations of its surroundings."""
-    surroundings: float = 1 / 30
-    """Window of the local mean, as a share of the long side."""
-    height_quantiles: tuple[float, ...] = (0.6, 0.9, 0.25)
-    """Print sizes that are searched: the ordinary one, headings, and small print next to large print or pictures."""
-    height_step: float = 1.8
-    """Sizes closer than this factor are one."""
-    word_gap: float = 2.2
-    """Gaps up to this are closed: wider than between words, narrower than between columns."""
-    least_width: float = 3.0
-    """A shorter line says too little."""
-    height_range: tuple[float, float] = (0.8, 5.0)
-    """Allowed height of a line."""
-    fill_range: tuple[float, float] = (0.08, 0.75)
-    """Share of ink in a line's box; rules and frames lie outside."""
-    largest_slope: float = 0.1
-    """The page is flat, or nearly so."""
-    clear_mass: float = 1.0
-    """With so much dark print no light print is searched: lines that the dark gaps between light letters make had
-    up to 0.35 on 13 negatives of pages, the pages' own lines 1.4 to 8.4 on all but three sparse ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +80,11 @@ class TextLines:
 class PageLines:
     """Lines of a flat page along its rows; those along its columns are sought only when they are asked for."""
 
-    def __init__(
-        self, small: GrayImage, scale: tuple[float, float], parameters: TextLineParameters, *, inverted: bool
-    ) -> None:
+    def __init__(self, small: GrayImage, scale: tuple[float, float], *, inverted: bool) -> None:
         """`small` (h, w) has dark print, a negative of an `inverted` page; `scale` (x, y) leads to its pixels."""
-        self._components = _measure_components(_detect_ink(small, parameters))
-        self._heights_px = _text_heights(self._components, parameters)
-        self._scale, self._parameters, self._inverted = scale, parameters, inverted
+        self._components = _measure_components(_detect_ink(small))
+        self._heights_px = _text_heights(self._components)
+        self._scale, self._inverted = scale, inverted
         self.rows = self._along(self._components.height_px, 0)
 
     @cached_property
@@ -105,11 +99,11 @@ class PageLines:
 
     def _along(self, across_px: NDArray[np.float64], turns: int) -> TextLines:
         """Lines of every size of print after `turns` quarters clockwise; `across_px` (N,) is a component's height."""
-        p, found = self._parameters, TextLines((), 0.0, self._inverted)
+        found = TextLines((), 0.0, self._inverted)
         scale = self._scale[::-1] if turns else self._scale
         for height_px in self._heights_px:
-            ink = np.rot90(_keep_print(self._components, across_px, height_px, p), -turns)
-            lines = _lines_along_rows(np.ascontiguousarray(ink), height_px, scale, self._inverted, p)
+            ink = np.rot90(_keep_print(self._components, across_px, height_px), -turns)
+            lines = _lines_along_rows(np.ascontiguousarray(ink), height_px, scale, self._inverted)
             found = _unite(found, lines)
         return found
 
@@ -121,14 +115,14 @@ def detect_text_lines(gray: GrayImage) -> PageLines:
     ----------
     gray : (H, W) uint8; print may be darker or lighter than its ground.
     """
-    p = TextLineParameters()
-    factor = min(1.0, p.working_long_side_px / max(gray.shape))
+
+    factor = min(1.0, _WORKING_LONG_SIDE_PX / max(gray.shape))
     small = reduce_image(gray, factor)
     scale = (gray.shape[1] / small.shape[1], gray.shape[0] / small.shape[0])
-    dark = PageLines(small, scale, p, inverted=False)
-    if dark.rows.mass >= p.clear_mass or dark.mass >= p.clear_mass or not _has_light_print(small, p):
+    dark = PageLines(small, scale, inverted=False)
+    if dark.rows.mass >= _CLEAR_MASS or dark.mass >= _CLEAR_MASS or not _has_light_print(small):
         return dark
-    light = PageLines(np.asarray(255 - small, dtype=np.uint8), scale, p, inverted=True)
+    light = PageLines(np.asarray(255 - small, dtype=np.uint8), scale, inverted=True)
     # Between dark letters lie light gaps, which make short lines too.
     return light if light.mass > 2 * dark.mass else dark
 
@@ -145,24 +139,24 @@ def _unite(first: TextLines, second: TextLines) -> TextLines:
     return TextLines(first.lines + new, max(first.mass, second.mass), first.inverted)
 
 
-def _has_light_print(small: GrayImage, parameters: TextLineParameters) -> bool:
+def _has_light_print(small: GrayImage) -> bool:
     """True where strokes that are lighter than their surroundings are not rare against darker ones."""
-    window = _surroundings_window(small, parameters)
+    window = _surroundings_window(small)
     mean = cv2.blur(small, (window, window), borderType=cv2.BORDER_REPLICATE)
-    threshold = 1.5 * 255 * parameters.ink_contrast
+    threshold = 1.5 * 255 * _INK_CONTRAST
     lighter = np.count_nonzero(cv2.subtract(small, mean) > threshold)
     darker = np.count_nonzero(cv2.subtract(mean, small) > threshold)
     return bool(lighter > 0.5 * darker)
 
 
-def _surroundings_window(small: GrayImage, parameters: TextLineParameters) -> int:
-    return 2 * int(parameters.surroundings * max(small.shape) / 2) + 3
+def _surroundings_window(small: GrayImage) -> int:
+    return 2 * int(_SURROUNDINGS * max(small.shape) / 2) + 3
 
 
-def _detect_ink(small: GrayImage, parameters: TextLineParameters) -> NDArray[np.uint8]:
+def _detect_ink(small: GrayImage) -> NDArray[np.uint8]:
     """(h, w) 0/1: pixels that are darker than their surroundings, against white and against the noise."""
     flat = cv2.GaussianBlur(flatten_illumination(small), (3, 3), 0)
-    window = _surroundings_window(small, parameters)
+    window = _surroundings_window(small)
     size = (window, window)
     mean = cv2.blur(flat, size, borderType=cv2.BORDER_REPLICATE)
     contrast = cv2.subtract(mean, flat)
@@ -170,8 +164,8 @@ def _detect_ink(small: GrayImage, parameters: TextLineParameters) -> NDArray[np.
     square = cv2.sqrBoxFilter(flat, cv2.CV_32F, size, borderType=cv2.BORDER_REPLICATE)
     deviation = np.subtract(square, np.square(mean, dtype=np.float32), out=square)
     np.sqrt(np.maximum(deviation, 0.0, out=deviation), out=deviation)
-    deviation *= parameters.ink_deviations
-    return np.asarray(contrast > np.maximum(255 * parameters.ink_contrast, deviation)).view(np.uint8)
+    deviation *= _INK_DEVIATIONS
+    return np.asarray(contrast > np.maximum(255 * _INK_CONTRAST, deviation)).view(np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,7 +184,7 @@ def _measure_components(ink: NDArray[np.uint8]) -> _Components:
     return _Components(labels, *(stats[:, c].astype(np.float64) for c in columns))
 
 
-def _text_heights(components: _Components, parameters: TextLineParameters) -> list[float]:
+def _text_heights(components: _Components) -> list[float]:
     """Heights (x-heights) of the kinds of print on the page in pixels: the ordinary one first.
 
     They are quantiles of the sizes of components, weighted by size, since specks are many.
@@ -206,9 +200,9 @@ def _text_heights(components: _Components, parameters: TextLineParameters) -> li
     sizes = np.sort(shorter[plausible])
     weights = np.cumsum(sizes)
     heights: list[float] = []
-    for share in parameters.height_quantiles:
+    for share in _HEIGHT_QUANTILES:
         height_px = float(sizes[np.searchsorted(weights, share * weights[-1])])
-        if all(max(height_px / other, other / height_px) > parameters.height_step for other in heights):
+        if all(max(height_px / other, other / height_px) > _HEIGHT_STEP for other in heights):
             heights.append(height_px)
     return heights
 
@@ -217,7 +211,6 @@ def _keep_print(
     components: _Components,
     across_px: NDArray[np.float64],
     height_px: float,
-    parameters: TextLineParameters,
 ) -> NDArray[np.uint8]:
     """Ink (h, w) 0/1 of print of one size, without rules, frames, blobs and smaller print.
 
@@ -225,7 +218,7 @@ def _keep_print(
     """
     shorter = np.minimum(components.width_px, components.height_px)
     longer = np.maximum(components.width_px, components.height_px)
-    is_blob = shorter > parameters.height_range[1] * height_px
+    is_blob = shorter > _HEIGHT_RANGE[1] * height_px
     is_rule = (longer > 8 * height_px) & (components.area_px < 0.4 * height_px * longer)
     keep = ~(is_blob | is_rule) & (across_px >= 0.5 * height_px)
     keep[0] = False
@@ -237,10 +230,9 @@ def _lines_along_rows(
     height_px: float,
     scale: tuple[float, float],
     inverted: bool,
-    parameters: TextLineParameters,
 ) -> TextLines:
     """Lines of `ink` (h, w) 0/1; boxes are multiplied by `scale` (x, y) to the page's own pixels."""
-    gap = max(3, int(parameters.word_gap * height_px) | 1)
+    gap = max(3, int(_WORD_GAP * height_px) | 1)
     joined = cv2.morphologyEx(ink, cv2.MORPH_CLOSE, np.ones((1, gap), np.uint8))
     count, joined_labels = cv2.connectedComponents(joined, connectivity=4)
     labels = np.asarray(joined_labels, dtype=np.int32)
@@ -260,14 +252,14 @@ def _lines_along_rows(
         np.maximum.at(edges[:, column + 2], label, values)
     width, height = edges[:, 2] - edges[:, 0] + 1, edges[:, 3] - edges[:, 1] + 1
     fill = n / (width * height)
-    low, high = (limit * height_px for limit in parameters.height_range)
+    low, high = (limit * height_px for limit in _HEIGHT_RANGE)
     is_line = (
         (height >= low)
         & (height <= high)
-        & (width >= parameters.least_width * height)
-        & (fill >= parameters.fill_range[0])
-        & (fill <= parameters.fill_range[1])
-        & (np.abs(slope) <= parameters.largest_slope)
+        & (width >= _LEAST_WIDTH * height)
+        & (fill >= _FILL_RANGE[0])
+        & (fill <= _FILL_RANGE[1])
+        & (np.abs(slope) <= _LARGEST_SLOPE)
     )
     is_line[0] = False
     strokes = np.bincount(label, ink[y, np.maximum(x - 1, 0)] == 0, count) / width

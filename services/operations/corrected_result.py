@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from services.contract.layout_learning import Correction
-from services.layout.page import Page, ReadWord, Zone
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.page import Page, Zone, ZoneWord
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.operations.layout_result import describe_fields
 from services.operations.replies import to_json_ready
 
@@ -90,7 +90,7 @@ def _fields(
     """The fields of the verified zones; class and labels are sure, and texts as sure as they were read or given."""
     sure = ClassMatch("", 0, 0.0, _SAID)
     labelled = tuple(
-        LabelledZone(
+        RecognizedZone(
             Zone(zone["id"], tuple(zone["box"]), zone["kind"], text=zone["text"], words=tuple(_words(zone))),
             zone["label"],
             _SAID,
@@ -104,15 +104,15 @@ def _fields(
     return [field.model_dump(mode="json") for field in fields]
 
 
-def _words(zone: Mapping[str, Any]) -> Iterator[ReadWord]:
+def _words(zone: Mapping[str, Any]) -> Iterator[ZoneWord]:
     """The words of a zone; where they were not kept, those of its text, as sure as it. None where a person gave it."""
     sure = zone.get("text_confidence")
     if sure is None or sure == _SAID:
         return
     for word in zone.get("words") or ():
-        yield ReadWord(word["text"], tuple(word["box"]), word["confidence"], word["line"])
+        yield ZoneWord(word["text"], tuple(word["box"]), word["confidence"], word["line"])
     if zone.get("words"):
         return
     for line, text in enumerate(zone["text"].split("\n")):
         for word in text.split():
-            yield ReadWord(word, tuple(zone["box"]), sure, line)
+            yield ZoneWord(word, tuple(zone["box"]), sure, line)

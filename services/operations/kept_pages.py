@@ -141,8 +141,7 @@ def draw_kept(
             photo = square_pixels(page_picture(decode_image(bundle.photo, OWN)))
         lit, icc_profile = False, photo.icc_profile
         with timed("remap", timings_ms):
-            white = (None, None) if margin > 0 else (view.border, view.paper)
-            flat = draw_flat_view(photo.pixels, frame, *white)
+            flat = draw_flat_view(photo.pixels, frame, None if margin > 0 else view.paper)
     if look != "keep" and not lit:
         with timed("illumination", timings_ms):
             flat = normalize_illumination(flat, _places(view, turned, turn, found["mirrored"], frame))

@@ -12,7 +12,7 @@ from services.contract.layout import LayoutSettings
 from services.contract.layout_models import PageDocument
 from services.layout.content.content_features import ContentFeatures
 from services.layout.discovery.class_samples import ClassSamples, gather_samples
-from services.layout.discovery.groups import GroupingParameters, PageGroup, choose_pages, group_pages
+from services.layout.discovery.groups import MOST_ZONES, PageGroup, choose_pages, group_pages
 from services.layout.discovery.merging import propose_merges
 from services.layout.discovery.splitting import propose_split
 from services.layout.exchange.limits import ExchangeLimits
@@ -41,7 +41,7 @@ def propose_classes(
     read = [(kept.id, _read(kept.document, limits, features)) for kept in unknown]
     known = _without_repeats([(page_id, page) for page_id, page in read if page is not None])
     graphs = [build_graph(page, features.names) for _, page in known]
-    graphs = graphs[: choose_pages(graphs, GroupingParameters().most_zones)]
+    graphs = graphs[: choose_pages(graphs, MOST_ZONES)]
     groups = group_pages(graphs)
     new = [_describe_group(group, known) for group in groups]
     gathered: list[ClassSamples] = []

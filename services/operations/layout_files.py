@@ -16,8 +16,8 @@ from services.contract.layout import (
 )
 from services.errors import InvalidOption
 from services.imaging.codec import encode_image
-from services.layout.page import ReadWord
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.page import ZoneWord
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.layout.rendering.overlay import draw_overlay, place_of_page
 from services.operations.kept_picture import read_kept_picture
 from services.operations.layout import write_xml
@@ -66,7 +66,7 @@ def _recognition(kept: KeptResult, settings: LayoutSettings) -> Recognition:
     page, answer = read_kept_page(kept.page, settings), _answer(kept)
     shown = {zone.id: zone for zone in answer.zones}
     zones = tuple(
-        LabelledZone(
+        RecognizedZone(
             replace(zone, words=tuple(map(_word, shown[zone.id].words or ()))),
             shown[zone.id].label,
             shown[zone.id].confidence,
@@ -90,8 +90,8 @@ def _orientation(answer: LayoutResult) -> Orientation | None:
     return None if turned is None else Orientation(turned.rotation_deg, turned.mirrored, turned.confidence)
 
 
-def _word(word: answers.ReadWord) -> ReadWord:
-    return ReadWord(word.text, word.box, word.confidence, word.line)
+def _word(word: answers.ReadWord) -> ZoneWord:
+    return ZoneWord(word.text, word.box, word.confidence, word.line)
 
 
 def _match(match: DocumentClass) -> ClassMatch:

@@ -9,9 +9,9 @@ from services.contract.fields import FieldSetting
 from services.layout.exchange.page_json import plain_number
 from services.layout.graph.font_sizes import measure_font_classes
 from services.layout.model.cost import MOST_EXPLAINED
-from services.layout.page import Appearance, Page, ReadWord, Zone
+from services.layout.page import InkAppearance, Page, Zone, ZoneWord
 from services.layout.recognition.fields import NO_FIELDS, Field, gather_fields
-from services.layout.recognition.results import ClassMatch, MatchReport, Recognition
+from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition
 from services.operations.page_reading import rounded_box
 from services.operations.replies import rounded
 
@@ -103,13 +103,13 @@ def _describe_field(field: Field) -> LabelField:
     )
 
 
-def _describe_appearance(appearance: Appearance | None) -> answers.Appearance | None:
+def _describe_appearance(appearance: InkAppearance | None) -> answers.Appearance | None:
     if appearance is None:
         return None
     return answers.Appearance(**{name: round(value, 4) for name, value in asdict(appearance).items()})
 
 
-def _describe_word(word: ReadWord) -> answers.ReadWord:
+def _describe_word(word: ZoneWord) -> answers.ReadWord:
     return answers.ReadWord(
         text=word.text, box=rounded_box(word.box), confidence=round(word.confidence, 4), line=word.line
     )
@@ -133,7 +133,7 @@ def describe_class(chosen: ClassMatch | None) -> DocumentClass | None:
     return None if chosen is None else describe_classes([chosen])[0]
 
 
-def _describe_match(match: MatchReport, explain: bool) -> answers.MatchReport:
+def _describe_match(match: ModelMatch, explain: bool) -> answers.MatchReport:
     terms = [
         CostTerm(zone=term.zone, other=term.other, attribute=term.attribute, cost=round(term.cost, 4))
         for term in match.explanation[:MOST_EXPLAINED]

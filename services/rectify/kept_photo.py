@@ -20,7 +20,7 @@ def keep_photo(photo: RgbImage, refusal: NoText, rotation_deg: int = 0) -> Recti
     height, width = photo.shape[:2]
     as_it_is = FlatFrame(np.eye(3), width, height)
     frame = turn_frame(as_it_is, rotation_deg, mirrored=False)
-    view = PlannedView(as_it_is, None, None, None)
+    view = PlannedView(as_it_is, None, None)
     return RectifyResult(
         np.ascontiguousarray(np.rot90(photo, -(rotation_deg // 90))),
         "planar",

@@ -125,12 +125,12 @@ def flatten_page(
         if stretch is not None and page.corners is not None:
             turned = np.roll(page.corners, orientation.rotation_deg // 90, axis=0)
             frame = end_at_corners(frame, turned, (frame.width, frame.height))
-    border, paper = view.border, view.paper
+    paper = view.paper
     if parameters.margin > 0:  # what lies around the cut is wanted
-        frame, border, paper = with_margin(frame, parameters.margin), None, None
+        frame, paper = with_margin(frame, parameters.margin), None
     release_freed_memory()
     with clock.stage("remap"):
-        flat = draw_flat_view(photo, frame, border, paper)
+        flat = draw_flat_view(photo, frame, paper)
     if parameters.illumination != "keep":  # looks of a scanner are made of it
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
@@ -156,7 +156,7 @@ def plan_views(photo: RgbImage, answered: JudgedView, parameters: RectifyParamet
             if stretch is not None and page.corners is not None:
                 frame = end_at_corners(frame, page.corners, (frame.width, frame.height))
         text = None if page.analysis is None else page.characters
-        views[crop] = plan_view(frame, view.border, view.paper, text)
+        views[crop] = plan_view(frame, view.paper, text)
     return ViewPlan(views)
 
 

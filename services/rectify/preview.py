@@ -36,7 +36,7 @@ from services.rectify.shape_choice.quick_bend import bend_quickly
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import planar_page
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.framing import find_border, frame_shape
+from services.rectify.view.paper_end import find_paper_end, is_believed
 from services.rectify.view.paper_fit import fit_to_paper
 from services.rectify.view.print_kept import grow_to_print, kept_print, share_kept, sheet_print
 from services.rectify.view.sheet_cut import cut_to_outline
@@ -51,7 +51,6 @@ from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.ridged_page import (
     RidgedPage,
-    RidgedPageParameters,
     complete_corners,
     sides_bend,
     turn_outline,
@@ -106,22 +105,10 @@ class PreviewParameters:
             most_cut=0.1,
         )
     )
-    certain_outline: float = 0.9
-    """Confidence of an outline that decides without the text."""
-    min_text_share: float = 0.8
-    """Least share of the characters inside of it."""
     straight_side: float = 0.004
     """RMS bend of a side, as a share of the sheet's size, above which the sheet counts as bent."""
-    min_seen: float = 0.6
-    """Least share of each side that is seen."""
     cells: int = 16
     """Columns of the mesh of a bent sheet."""
-    other_page: float = 0.1
-    """Least share of the characters on a facing page."""
-    gap: float = 2.0
-    """Width of a gutter without characters, in text heights ..."""
-    gap_slopes: tuple[float, ...] = tuple(np.linspace(-0.6, 0.6, 25).tolist())
-    """... and its slopes against the text lines' normal: perspective leaves no right angles."""
     neighbours: int = 3
     """Of a character, whose directions vote for that of the text lines."""
     direction_bins: int = 36
@@ -168,10 +155,11 @@ def preview_page(
             halves, text, view, prior, outline, parameters, clock, p, is_document=is_document
         )
     with clock.stage("framing"):
-        frame = frame_shape(page, find_border(page, parameters.crop), parameters.crop)
-        if parameters.crop == "sheet" and page.outline is not None:
-            frame, _ = cut_to_outline(frame, page.outline, page.characters)
         boxes = sheet_print(page)
+        end = find_paper_end(page, parameters.crop, boxes)
+        frame = page.frame(end.reach, parameters.crop)
+        if parameters.crop == "sheet" and page.outline is not None:
+            frame, _ = cut_to_outline(frame, page.outline, page.characters, believed=end.believed)
         frame = grow_to_print(frame, boxes, page.text_height_px)
         kept = share_kept(boxes, kept_print(frame, boxes))
         stretch = None
@@ -203,11 +191,8 @@ def _sheet_between_sides(
     p: PreviewParameters,
 ) -> ShapedPage | None:
     """The sheet by its four sides; None where they are not certain."""
-    if outline is None or outline.confidence < p.certain_outline:
-        return None
-    if min(side.seen for side in outline.sides) < p.min_seen:
-        return None
-    if text is not None and outline.holds(text.characters).mean() < p.min_text_share:
+    characters = np.zeros((0, 2)) if text is None else text.characters
+    if outline is None or not is_believed(outline, characters):
         return None
     direction = 0.0 if text is None else line_direction(text.characters, p)
     bent = sides_bend(outline) > p.straight_side if parameters.kind == "auto" else parameters.kind == "curved"
@@ -243,7 +228,7 @@ def _bent_sheet(
     outline: SheetOutline, view: PhotoFrame, prior: FocalPrior, direction_rad: float, p: PreviewParameters
 ) -> RidgedPage | None:
     """The mesh between the sides as it is, which the whole work only starts from."""
-    whole = complete_corners(outline, RidgedPageParameters())
+    whole = complete_corners(outline)
     if whole is None:
         return None
     corners, order = turn_outline(whole, direction_rad)
@@ -272,7 +257,7 @@ def _page_of_text(
         analysis = analyse_text(text, p.analysis)
     if parameters.region is None:
         with clock.stage("text"):
-            analysis = _without_facing_page(photo, text, analysis, p)
+            analysis = _without_facing_page(photo, text, analysis)
     seen: tuple[Notice, ...] = ()
     if analysis.facing_page:
         # The outline of an opened book is not that of a single page.
@@ -290,18 +275,14 @@ def _page_of_text(
             bent = bend_quickly(evidence, prior, plane)
             if bent is not None:
                 return ShapedPage(view, bent, seen, outline, analysis, evidence.vanishing_points)
-        pose = choose_pose(evidence, prior, seems, p.pose)
+        pose = choose_pose(evidence, prior, p.pose)
     notices = (*seen, *pose.notices) if seems == "planar" else (*seen, SEEMS_CURVED, *pose.notices)
     return ShapedPage(view, pose, notices, outline, analysis, evidence.vanishing_points)
 
 
-def _without_facing_page(
-    photo: Halves, text: FoundText, analysis: PageAnalysis, p: PreviewParameters
-) -> PageAnalysis:
+def _without_facing_page(photo: Halves, text: FoundText, analysis: PageAnalysis) -> PageAnalysis:
     """`analysis` of the main page, without the text of a facing one."""
     major, minor = analysis.major, analysis.minor
-    if not has_gap(text.characters, text.text_height_px, major, p):
-        return analysis
     choice = choose_page(photo, text.characters, text.text_height_px, major, minor, text.paper)
     if not choice.facing_page:
         return analysis
@@ -318,23 +299,6 @@ def _without_facing_page(
         minor=None if minor is None else own(minor),
         gutter=choice.gutter_beside(text.characters[choice.kept]),
     )
-
-
-def has_gap(characters: Points, text_height_px: float, major: FlowSamples, p: PreviewParameters) -> bool:
-    """Whether a straight strip across the text lines, within the text, is without characters (N, 2).
-
-    Where there is none, no gutter of two pages is sought.
-    """
-    doubled = np.sum(major.weights * np.exp(2j * major.angles))
-    direction = 0.5 * float(np.angle(doubled))
-    along = characters @ np.array([np.cos(direction), np.sin(direction)])
-    across = characters @ np.array([-np.sin(direction), np.cos(direction)])
-    rest = max(int(p.other_page * len(characters)), 1)
-    for slope in p.gap_slopes:
-        places = np.sort(along - slope * across)
-        if np.diff(places[rest - 1 : 1 - rest or None]).max(initial=0.0) > p.gap * text_height_px:
-            return True
-    return False
 
 
 def line_direction(characters: Points, parameters: PreviewParameters | None = None) -> float:

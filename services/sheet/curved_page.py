@@ -24,6 +24,7 @@ from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_
 from services.sheet.developable.observations import (
     NO_EDGES,
     NO_LINES,
+    SLANT_MEAN_RAD,
     LineObservations,
     PageObservations,
     SideObservations,
@@ -41,42 +42,32 @@ from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
 from services.texture_flow.field import FlowSamples, mean_deviation
 
-
-@dataclass(frozen=True, slots=True)
-class CurvedParameters:
-    """How the fit of the surface starts, and when its result is accepted."""
-
-    bends: int = 12
-    margin: float = 0.25
-    """The bend continues beyond the text by this share of its width."""
-    border: float = 0.03
-    """The same beyond the sheet's sides, where they are seen."""
-    reach: float = 0.4
-    """Beyond the bend the surface is straight, and tabulated over this share more."""
-    start_skews_rad: tuple[float, ...] = (0.0, np.pi / 2)
-    """Rulings of the flat starts: across the text lines and along them."""
-    start_samples: int = 200
-    good_share: float = 0.08
-    """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
-    simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
-    start_focal_deviation: float = 0.05
-    """Deviation of the prior in starts whose focal length stays near it."""
-    max_magnification_ratio: float = MAX_MAGNIFICATION_RATIO
-    max_tilt_rad: float = np.deg2rad(80.0)
-    strips: int = 40
-    """Number of strips that describe the surface in the answer."""
-    side_slack: tuple[float, ...] = (8.0, 1.0, 1.0)
-    """Rounds of tracing and fitting the lines (of 12 simulated cones one needed the third), each with this factor on
-    the deviations of the sides: their robust loss does not draw a surface that is far from them."""
-    max_sides: float = 0.0025
-    """RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
-    0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
-    ones."""
-    hopeless_sides: float = 2.0
-    """Times `max_sides` after a round without slack, from which on no later one helps: of 33 sheets none came below
-    `max_sides`."""
-    min_visible: float = 0.97
-    """Share of the characters that the surface must place."""
+# How the fit of the surface starts, and when its result is accepted.
+SHEET_BENDS = 12
+MARGIN = 0.25
+"""The bend continues beyond the text by this share of its width."""
+BORDER = 0.03
+"""The same beyond the sheet's sides, where they are seen."""
+REACH = 0.4
+"""Beyond the bend the surface is straight, and tabulated over this share more."""
+START_SKEWS_RAD = (0.0, np.pi / 2)
+"""Rulings of the flat starts: across the text lines and along them."""
+START_SAMPLES = 200
+GOOD_SHARE = 0.08
+"""Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
+simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
+MAX_TILT_RAD = np.deg2rad(80.0)
+STRIPS = 40
+"""Number of strips that describe the surface in the answer."""
+SIDE_SLACK = (8.0, 1.0, 1.0)
+"""Rounds of tracing and fitting the lines (of 12 simulated cones one needed the third), each with this factor on
+the deviations of the sides: their robust loss does not draw a surface that is far from them."""
+MAX_SIDES = 0.0025
+"""RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
+0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
+ones."""
+MIN_VISIBLE = 0.97
+"""Share of the characters that the surface must place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,7 +143,11 @@ def describe_strips(
 
 
 def start_surface(
-    points: FlowVanishingPoints, prior: FocalPrior, characters: Points, skew_rad: float, p: CurvedParameters
+    points: FlowVanishingPoints,
+    prior: FocalPrior,
+    characters: Points,
+    skew_rad: float,
+    bends: int = SHEET_BENDS,
 ) -> SurfaceStart:
     """A flat sheet in the mean pose of the flows, whose rulings are turned by `skew_rad` against the strokes."""
     held = FocalPrior(prior.log_focal, 0.01, "given")
@@ -163,29 +158,27 @@ def start_surface(
     )
     page = flat.to_page(characters)
     across = np.cos(skew_rad) * page[:, 0] - np.sin(skew_rad) * page[:, 1]
-    slant = FittingParameters().slant_mean_rad
-    parameters = np.concatenate([[prior.log_focal, skew_rad, 0.0, 0.0, slant], np.zeros(p.bends)])
-    return SurfaceStart(plane.rotation, anchor, _basis_over(across, p), parameters)
+    slant = SLANT_MEAN_RAD
+    parameters = np.concatenate([[prior.log_focal, skew_rad, 0.0, 0.0, slant], np.zeros(bends)])
+    return SurfaceStart(plane.rotation, anchor, _basis_over(across, bends), parameters)
 
 
-def _basis_over(across: Vector, p: CurvedParameters) -> BendBasis:
+def _basis_over(across: Vector, bends: int) -> BendBasis:
     low, high = (float(v) for v in np.percentile(across, [0.5, 99.5]))
-    margin = p.margin * (high - low)
-    return bend_basis(low - margin, high + margin, p.bends, p.reach)
+    margin = MARGIN * (high - low)
+    return bend_basis(low - margin, high + margin, bends, REACH)
 
 
-def recentre(
-    fitted: FittedSurface, characters: Points, p: CurvedParameters, edges: SideObservations = NO_EDGES
-) -> SurfaceStart:
+def recentre(fitted: FittedSurface, characters: Points, edges: SideObservations = NO_EDGES) -> SurfaceStart:
     """The fitted surface as a start whose bends span the characters, and the sheet where its `edges` are seen."""
     old = fitted.surface
     sheet = old.to_sheet(old.to_page(characters))
-    basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], p)
+    basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], SHEET_BENDS)
     if len(edges.points):
         border = old.to_sheet(old.to_page(edges.points))[:, 0]
         low, high = (float(v) for v in np.nanpercentile(border, [5, 95]))
-        margin = p.border * (high - low)
-        basis = bend_basis(low - margin, high + margin, p.bends, p.reach)
+        margin = BORDER * (high - low)
+        basis = bend_basis(low - margin, high + margin, SHEET_BENDS, REACH)
     k = np.interp(basis.nodes, old.basis.nodes, old.basis.values @ old.bends, left=0.0, right=0.0)
     bends = np.linalg.lstsq(basis.values, k * (np.abs(basis.values).sum(axis=1) > 0), rcond=None)[0]
     parameters = np.concatenate([fitted.start.parameters[: BENDS - TURN.stop], bends])
@@ -238,23 +231,23 @@ def estimate_curved_page(
     CurvedPage or NoShape
         The page, or the reason why no bent sheet is plausible.
     """
-    p, e = CurvedParameters(), evidence
+    e = evidence
     fitted = flat = flat_fit or fit_flows(e, prior)
-    reason, contradicted = implausibility(fitted.surface, e.characters, p), False
+    reason, contradicted = implausibility(fitted.surface, e.characters), False
     if reason is None:
-        fitted, lines = _fit_lines(e, prior, fitted, p, edges)
+        fitted, lines = _fit_lines(e, prior, fitted, edges)
         drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
         if prior.source in MEASURED and drawn > FOCAL.exif_contradiction * prior.deviation:
             prior, contradicted = typical_focal_prior(), prior.source == "exif"
-            fitted, lines = _fit_lines(e, prior, fitted, p, edges)
+            fitted, lines = _fit_lines(e, prior, fitted, edges)
             drawn = abs(float(np.log(fitted.surface.focal)) - prior.log_focal)
-        hopeless = _sides_hopeless(fitted.surface, edges, p)
+        hopeless = _sides_hopeless(fitted.surface, edges)
         if not hopeless and prior.source == "assumed" and drawn > FOCAL.believable * prior.deviation:
             prior = FocalPrior(prior.log_focal, FOCAL.held_deviation, "assumed")
             # From where the focal length was not drawn yet: the bends go with it.
-            fitted, lines = _fit_lines(e, prior, flat, p, edges)
-        reason = implausibility(fitted.surface, e.characters, p)
-        if reason is None and len(edges.points) and not measure_sides(fitted.surface, edges) < p.max_sides:
+            fitted, lines = _fit_lines(e, prior, flat, edges)
+        reason = implausibility(fitted.surface, e.characters)
+        if reason is None and len(edges.points) and not measure_sides(fitted.surface, edges) < MAX_SIDES:
             reason = "no smooth sheet has its sides"
     if reason is not None:
         return NoShape(reason)
@@ -263,7 +256,7 @@ def estimate_curved_page(
     page_map = fitted.surface if straightness < STRAIGHT else morph_to_lines(fitted.surface, lines)
     return CurvedPage(
         page_map,
-        describe_strips(fitted.surface, e.view, e.characters, p.strips),
+        describe_strips(fitted.surface, e.view, e.characters, STRIPS),
         prior.source_beside(fitted.log_focal_deviation),
         lines.count // 2,
         flow_deviation(page_map, e.major, e.minor),
@@ -277,58 +270,57 @@ def estimate_curved_page(
 
 def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     """The surface that the flows alone show: the best of several flat starts, or the one that the evidence has."""
-    p = CurvedParameters()
     observed = PageObservations(
         e.major, e.minor, NO_LINES, page_hull(e.characters), prior.log_focal, prior.deviation
     )
     if e.start:
         return fit_surface(e.start, observed, FittingParameters(cauchy_flows=True, max_evaluations=1))
-    free = replace(observed, major=thin(e.major, p.start_samples), minor=thin(e.minor, p.start_samples))
-    held = replace(free, focal_deviation=min(prior.deviation, p.start_focal_deviation))
+    free = replace(observed, major=thin(e.major, START_SAMPLES), minor=thin(e.minor, START_SAMPLES))
+    held = replace(free, focal_deviation=min(prior.deviation, FOCAL.held_deviation))
     soft = FittingParameters(max_evaluations=12)
     cauchy = replace(soft, cauchy_flows=True)
-    starts = [start_surface(e.vanishing_points, prior, e.characters, skew, p) for skew in p.start_skews_rad]
+    starts = [start_surface(e.vanishing_points, prior, e.characters, skew) for skew in START_SKEWS_RAD]
     # Cauchy's loss, and a focal length near its prior, do not reach a strong bend. The soft L1 loss, and a free
     # focal length, are biased by the flows of pictures. So both are tried, for one direction of the rulings after
     # the other until one is clearly good.
-    enough = p.good_share * (len(free.major) + len(free.minor))
+    enough = GOOD_SHARE * (len(free.major) + len(free.minor))
     fits: list[FittedSurface] = []
     for start in starts:
         fits.append(fit_surface(start, held, cauchy))
         fits.append(fit_surface(fit_surface(start, free, soft).start, free, cauchy))
-        if any(fit.cost < enough and implausibility(fit.surface, e.characters, p) is None for fit in fits):
+        if any(fit.cost < enough and implausibility(fit.surface, e.characters) is None for fit in fits):
             break
-    likely = [fit for fit in fits if implausibility(fit.surface, e.characters, p) is None]
+    likely = [fit for fit in fits if implausibility(fit.surface, e.characters) is None]
     best = min(likely or fits, key=lambda fit: fit.cost)
     return fit_surface(
-        recentre(best, e.characters, p), observed, FittingParameters(cauchy_flows=True, max_evaluations=20)
+        recentre(best, e.characters), observed, FittingParameters(cauchy_flows=True, max_evaluations=20)
     )
 
 
 def _fit_lines(
-    e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, p: CurvedParameters, edges: SideObservations
+    e: PageEvidence, prior: FocalPrior, fitted: FittedSurface, edges: SideObservations
 ) -> tuple[FittedSurface, LineObservations]:
     """Fit flows and lines in rounds: each traces the lines in the view of the one before, and uses its deviations."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
-    for slack in p.side_slack:
+    for slack in SIDE_SLACK:
         lines = trace_lines(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges)
         eased = replace(parameters, side_factor=slack * parameters.side_factor)
-        fitted = fit_surface(recentre(fitted, e.characters, p, edges), observed, eased)
-        refused = implausibility(fitted.surface, e.characters, p) is not None
+        fitted = fit_surface(recentre(fitted, e.characters, edges), observed, eased)
+        refused = implausibility(fitted.surface, e.characters) is not None
         # In a round with slack the sides have not been drawn yet: from 0.0103 one sheet came to 0.0001.
-        if refused or (slack == 1.0 and _sides_hopeless(fitted.surface, edges, p)):
+        if refused or (slack == 1.0 and _sides_hopeless(fitted.surface, edges)):
             break
         parameters = rescale_deviations(parameters, fitted)
     return fitted, lines
 
 
-def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations, p: CurvedParameters) -> bool:
+def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations) -> bool:
     """Whether the sides are left so far from straight ones that no smooth sheet has them."""
-    return len(edges.points) > 0 and measure_sides(surface, edges) > p.hopeless_sides * p.max_sides
+    return len(edges.points) > 0 and measure_sides(surface, edges) > MAX_SIDES
 
 
-def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedParameters) -> str | None:
+def implausibility(surface: DevelopableSurface, characters: Points) -> str | None:
     """Why no camera could see this surface under these characters (N, 2), centred; None if one could.
 
     Nearly all characters must be in front of the camera, on the visible side, where rulings do not cross, and at a
@@ -339,15 +331,15 @@ def implausibility(surface: DevelopableSurface, characters: Points, p: CurvedPar
     growth = 1 + at.sheet[:, 1] * surface.slope_rate(at.sheet[:, 0])
     with np.errstate(invalid="ignore"):
         good = np.isfinite(at.page).all(axis=1) & (at.X[:, 2] > 1e-3) & (det > 0) & (growth > 0.05)
-    if good.mean() < p.min_visible:
+    if good.mean() < MIN_VISIBLE:
         return "part of the text would be hidden or folded over"
     low, high = np.percentile(np.sqrt(det[good]), [1, 99])
-    if high >= p.max_magnification_ratio * low:
+    if high >= MAX_MAGNIFICATION_RATIO * low:
         return f"some text would be enlarged {high / low:.0f} times as much as other text"
     sight = at.X[good] / np.linalg.norm(at.X[good], axis=1, keepdims=True)
     N = surface.normals(characters[good])
     tilt = np.arccos(np.clip(np.einsum("ij,ij->i", N, sight), -1, 1))
-    if np.percentile(tilt, 97) >= p.max_tilt_rad:
+    if np.percentile(tilt, 97) >= MAX_TILT_RAD:
         return "part of the text would be seen edge-on"
     return None
 

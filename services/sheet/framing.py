@@ -10,6 +10,7 @@ from services.geometry.page_frame import FramingParameters, within_bounds
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.ridged.mesh import SheetMesh
+from services.texture_flow.text_identification import FEWEST_CHARACTERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +112,7 @@ def frame_mesh(mesh: SheetMesh, page_map: PageMap, view: PhotoFrame, text_points
     """
     f = FramingParameters()
     points = view.to_centred(text_points)
-    if len(points) < f.min_characters:
+    if len(points) < FEWEST_CHARACTERS:
         points = mesh.project(mesh.nodes.reshape(-1, 3))
     with np.errstate(invalid="ignore"):
         scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(mesh.jacobians(points))))

@@ -20,6 +20,15 @@ LEVEL_PRIOR = 1e-6
 """Keeps a line without points solvable."""
 
 
+# Lengths are multiples of the text height.
+DEVIATION = 0.06
+"""Deviation of a line's point: a smaller shift is not needed."""
+SIZE = 0.6
+"""Deviation of the coefficients: the field is small, or the surface is wrong."""
+MIN_POINTS = 60
+ITERATIONS = 6
+
+
 @dataclass(frozen=True, slots=True)
 class ResidualParameters:
     """Lengths are multiples of the text height."""
@@ -27,18 +36,10 @@ class ResidualParameters:
     columns: int = 12
     rows: int = 10
     """Cubic B-splines over the text along u and v."""
-    deviation: float = 0.06
-    """Deviation of a line's point: a smaller shift is not needed."""
     bend: float = 0.12
     """Deviation of the second differences of neighbouring coefficients."""
-    size: float = 0.6
-    """Deviation of the coefficients: the field is small, or the surface is wrong."""
-    held: float = 0.05
-    """Deviation of points that stay where they are."""
     max_shift: float = 1.5
     """Largest shift: more is not a crease but an error of the surface or of the lines, and the field is left out."""
-    min_points: int = 60
-    iterations: int = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +140,7 @@ def morph_to_lines(
     The field spans the lines, or the page points `held` (M, 2), which stay where they are.
     """
     p = parameters or ResidualParameters()
-    if len(lines.points) < p.min_points:
+    if len(lines.points) < MIN_POINTS:
         return surface
     page = surface.to_page(lines.points)
     height = lines.text_height * float(
@@ -155,21 +156,21 @@ def morph_to_lines(
     levels = csr_array((np.full(len(page), -1.0), (each, lines.index)), shape=(len(page), lines.count))
     terms = hstack([field, levels], format="csr")
     penalty = np.zeros((terms.shape[1], terms.shape[1]))
-    penalty[:count, :count] = _penalty(p) * (p.deviation / p.bend) ** 2
-    penalty[:count, :count] += np.eye(count) * (p.deviation / p.size) ** 2
+    penalty[:count, :count] = _penalty(p) * (DEVIATION / p.bend) ** 2
+    penalty[:count, :count] += np.eye(count) * (DEVIATION / SIZE) ** 2
     penalty[count:, count:] = np.eye(lines.count) * LEVEL_PRIOR
     if held is not None:
         rim = _field_terms(held, low, high, p)
-        penalty[:count, :count] += (rim.T @ rim).toarray() * (p.deviation / p.held) ** 2
+        penalty[:count, :count] += (rim.T @ rim).toarray()
     usual = np.bincount(lines.index, page[:, 1], lines.count) / np.maximum(np.bincount(lines.index), 1)
     wanted = (usual[lines.index] - page[:, 1]) / height
     weight: Vector = np.ones(len(page))
     found = np.zeros(terms.shape[1])
-    for _ in range(p.iterations):
+    for _ in range(ITERATIONS):
         weighted = terms * weight[:, None]
         information = (weighted.T @ terms).toarray() + penalty
         found = np.asarray(solve(information, weighted.T @ wanted, assume_a="pos"))
-        weight = cauchy_weights((wanted - terms @ found) / p.deviation, 2.0)
+        weight = cauchy_weights((wanted - terms @ found) / DEVIATION, 2.0)
     coefficients = found[:count]
     if np.abs(coefficients).max() > p.max_shift:
         return surface

@@ -1,7 +1,7 @@
 """The shape of a creased page: a mesh between the sheet's sides, refined by the text lines that are traced in it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from services.notices import Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.line_residual import ResidualParameters, morph_to_lines
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
+from services.sheet.outline.results import LEAST_POINTS, SheetOutline
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
@@ -30,48 +30,39 @@ WAVES = ResidualParameters(columns=24, rows=22, bend=0.25, max_shift=2.5)
 """Of a crumpled sheet: its facets are smaller than the mesh's cells, and its lines wave by more than those of books."""
 
 
-@dataclass(frozen=True, slots=True)
-class RidgedPageParameters:
-    """How the mesh is fitted, and when it is accepted."""
-
-    fit: RidgedParameters = field(default_factory=RidgedParameters)
-    sides_only: RidgedParameters = field(default_factory=lambda: RidgedParameters(bend_rad=3.0))
-    """Without text. Sides alone do not separate a few creases from a smooth bend, which is more frequent: a prior for
-    few ridges made cylinders worse than the start (aspect 3-12 % off, now 0-1.5 %)."""
-    fit_to_flow: tuple[Stage, ...] = (Stage(12, 100.0, 10.0, 30.0), Stage(12, 10.0, 3.0, 3.0))
-    """Schedule of a fit to the directions of the text lines, before any is traced."""
-    focal_steps: tuple[float, ...] = (1.25, 0.8)
-    """Factors of a search over an assumed focal length, first upwards, else downwards."""
-    most_focal_steps: int = 2
-    focal_ends: float = 1e-2
-    """Relative decrease of the cost below which a fit of this search ends: it is compared only."""
-    focal_gain: float = 0.97
-    """A step is taken when it brings the cost below this share."""
-    believable_focal: float = 2.0
-    """Of the prior's deviations: if the sheet is not paper, the cost falls with the focal length without limit."""
-    again: tuple[Stage, ...] = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
-    """Schedule of the second fit, on lines traced in the view of the first."""
-    rounds: int = 4
-    """Most fits, each on lines traced again; the last ones only while lines are not straight and still improve."""
-    straight: float = 0.05
-    """Line straightness (RMS, in text heights) below which a page cannot be read better."""
-    improvement: float = 0.85
-    """Share of the straightness before, above which another round gains nothing."""
-    min_seen: float = 0.35
-    """Share of each side that is seen."""
-    end: float = 0.4
-    """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
-    beyond: float = 0.3
-    """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
-    max_skew_rad: float = float(np.deg2rad(2.5))
-    """Largest skew of the print; above it the sides of the sheet show nothing of the lines' directions."""
-    parallel: float = 0.1
-    """Sine of the angle between two sides below which they do not meet in a corner."""
-    max_stretch: float = 0.02
-    """Largest RMS change of the edges' lengths; paper stretches less."""
-    max_side: float = 0.012
-    """RMS distance of the sides from the mesh's border, in photo units: above it, the outline is another sheet's."""
-    max_magnification_ratio: float = MAX_MAGNIFICATION_RATIO
+# How the mesh is fitted, and when it is accepted.
+FIT = RidgedParameters()
+SIDES_ONLY = RidgedParameters(bend_rad=3.0)
+"""Without text. Sides alone do not separate a few creases from a smooth bend, which is more frequent: a prior for
+few ridges made cylinders worse than the start (aspect 3-12 % off, now 0-1.5 %)."""
+FIT_TO_FLOW = (Stage(12, 100.0, 10.0, 30.0), Stage(12, 10.0, 3.0, 3.0))
+"""Schedule of a fit to the directions of the text lines, before any is traced."""
+FOCAL_STEPS = (1.25, 0.8)
+"""Factors of a search over an assumed focal length, first upwards, else downwards."""
+FOCAL_ENDS = 1e-2
+"""Relative decrease of the cost below which a fit of this search ends: it is compared only."""
+FOCAL_GAIN = 0.97
+"""A step is taken when it brings the cost below this share."""
+BELIEVABLE_FOCAL = 2.0
+"""Of the prior's deviations: if the sheet is not paper, the cost falls with the focal length without limit."""
+AGAIN = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
+"""Schedule of the second fit, on lines traced in the view of the first."""
+ROUNDS = 4
+"""Most fits, each on lines traced again; the last ones only while lines are not straight and still improve."""
+IMPROVEMENT = 0.85
+"""Share of the straightness before, above which another round gains nothing."""
+MIN_SEEN = 0.35
+"""Share of each side that is seen."""
+END = 0.4
+"""Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
+BEYOND = 0.3
+"""A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
+MAX_SKEW_RAD = float(np.deg2rad(2.5))
+"""Largest skew of the print; above it the sides of the sheet show nothing of the lines' directions."""
+MAX_STRETCH = 0.02
+"""Largest RMS change of the edges' lengths; paper stretches less."""
+MAX_SIDE = 0.012
+"""RMS distance of the sides from the mesh's border, in photo units: above it, the outline is another sheet's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,22 +121,22 @@ class RidgedPage:
         return frame_curved_page(self.page_map, view, points, text_height_px, None, framing)
 
 
-def complete_corners(outline: SheetOutline, p: RidgedPageParameters) -> Points | None:
+def complete_corners(outline: SheetOutline) -> Points | None:
     """The outline's corners (4, 2); one that is not seen is where its two sides meet. None if they do not."""
     corners = outline.corners.copy()
     low, high = outline.polygon.min(axis=0), outline.polygon.max(axis=0)
-    reach = p.beyond * float((high - low).max())
+    reach = BEYOND * float((high - low).max())
     for k in np.flatnonzero(~np.isfinite(corners).all(axis=1)):
         before, after = outline.sides[k - 1].points, outline.sides[k].points
-        if min(len(before), len(after)) < 8:
+        if min(len(before), len(after)) < LEAST_POINTS:
             return None
         lines = []
-        for points in (before[-int(p.end * len(before)) :], after[: int(p.end * len(after))]):
+        for points in (before[-int(END * len(before)) :], after[: int(END * len(after))]):
             middle = points.mean(axis=0)
             way = np.linalg.svd(points - middle)[2][0]
             lines.append(np.array([-way[1], way[0], way[1] * middle[0] - way[0] * middle[1]]))
         meeting = np.cross(lines[0], lines[1])
-        if abs(meeting[2]) < p.parallel:
+        if meeting[2] == 0:
             return None
         corners[k] = meeting[:2] / meeting[2]
         if (corners[k] < low - reach).any() or (corners[k] > high + reach).any():
@@ -201,7 +192,6 @@ def estimate_ridged_page(
     trace: Callable[[PageMap], LineObservations] | None,
     strokes: FlowSamples | None,
     major: FlowSamples | None = None,
-    parameters: RidgedPageParameters | None = None,
 ) -> RidgedPage | NoShape:
     """The creased sheet with this `outline`, or why there is none.
 
@@ -214,11 +204,10 @@ def estimate_ridged_page(
     strokes, major
         Minor and major flow in centred coordinates.
     """
-    p = parameters or RidgedPageParameters()
-    whole = complete_corners(outline, p)
-    if outline.confidence < LEAST_CONFIDENCE or whole is None:
+    whole = complete_corners(outline)
+    if whole is None:
         return NoShape("the sheet's outline is not seen clearly")
-    if min(side.seen for side in outline.sides) < p.min_seen:
+    if min(side.seen for side in outline.sides) < MIN_SEEN:
         return NoShape("a side of the sheet is not seen")
     corners, order = turn_outline(whole, direction_rad)
     sides = tuple(
@@ -232,24 +221,24 @@ def estimate_ridged_page(
         view.to_centred(corners),
         tuple(side.points for side in sides),
         float(np.exp(prior.log_focal)),
-        p.fit.schedule[0].cells,
+        FIT.schedule[0].cells,
     )
     if start is None:
         return NoShape("its corners are not those of a rectangle before a camera")
-    if major is not None and abs(print_skew(start, major)) > p.max_skew_rad:
+    if major is not None and abs(print_skew(start, major)) > MAX_SKEW_RAD:
         return NoShape("its print is askew on it")
     seen = SheetObservations(NO_LINES, strokes, sides, prior.log_focal, prior.deviation)
-    steps = p.focal_steps if prior.source == "assumed" else ()
-    mesh, lines = _fit_to_lines(start, trace, seen, steps, p)
-    reason = _implausibility(mesh, sides, p)
+    steps = FOCAL_STEPS if prior.source == "assumed" else ()
+    mesh, lines = _fit_to_lines(start, trace, seen, steps)
+    reason = _implausibility(mesh, sides)
     if reason is not None and trace is not None and major is not None:
         # Lines that cross a sharp crease are easily linked to their neighbours; their directions are not.
-        turned = fit_mesh(start, replace(seen, flow=major), replace(p.fit, schedule=p.fit_to_flow)).mesh
-        mesh, lines = _fit_to_lines(turned, trace, seen, (), p)
-        reason = _implausibility(mesh, sides, p)
+        turned = fit_mesh(start, replace(seen, flow=major), replace(FIT, schedule=FIT_TO_FLOW)).mesh
+        mesh, lines = _fit_to_lines(turned, trace, seen, ())
+        reason = _implausibility(mesh, sides)
     if reason is not None:
         return NoShape(reason)
-    page_map, lines = _without_waves(mesh, lines, trace, p)
+    page_map, lines = _without_waves(mesh, lines, trace)
     return RidgedPage(
         mesh,
         page_map,
@@ -262,10 +251,7 @@ def estimate_ridged_page(
 
 
 def _without_waves(
-    mesh: SheetMesh,
-    lines: LineObservations,
-    trace: Callable[[PageMap], LineObservations] | None,
-    p: RidgedPageParameters,
+    mesh: SheetMesh, lines: LineObservations, trace: Callable[[PageMap], LineObservations] | None
 ) -> tuple[PageMap, LineObservations]:
     """The map of the mesh, lines that still wave drawn straight by a small field, and the lines; its border stays."""
     if trace is None or not measure_straightness(mesh, lines) > STRAIGHT:
@@ -279,46 +265,38 @@ def _fit_to_lines(
     trace: Callable[[PageMap], LineObservations] | None,
     seen: SheetObservations,
     focal_steps: tuple[float, ...],
-    p: RidgedPageParameters,
 ) -> tuple[SheetMesh, LineObservations]:
     """The mesh fitted to `seen` and to the lines that `trace` finds in its view, round by round; and these lines."""
     if trace is None:
-        return fit_mesh(start, seen, p.sides_only).mesh, NO_LINES
+        return fit_mesh(start, seen, SIDES_ONLY).mesh, NO_LINES
     mesh, lines, straightness = start, NO_LINES, float("inf")
-    for number in range(p.rounds):
+    for number in range(ROUNDS):
         lines = trace(mesh)
-        schedule = p.again if number else p.fit.schedule
-        fitted = fit_mesh(mesh, replace(seen, lines=lines), replace(p.fit, schedule=schedule))
+        schedule = AGAIN if number else FIT.schedule
+        fitted = fit_mesh(mesh, replace(seen, lines=lines), replace(FIT, schedule=schedule))
         if not number:
-            fitted = _search_focal(fitted, replace(seen, lines=lines), focal_steps, p)
+            fitted = _search_focal(fitted, replace(seen, lines=lines), focal_steps)
         mesh = fitted.mesh
         before, straightness = straightness, measure_straightness(mesh, lines)
-        gained = straightness <= p.improvement * before
-        if number and (not lines.count or straightness < p.straight or not gained):
+        gained = straightness <= IMPROVEMENT * before
+        if number and (not lines.count or straightness < STRAIGHT or not gained):
             break
     return mesh, lines
 
 
-def _search_focal(
-    fitted: FittedMesh, observed: SheetObservations, steps: tuple[float, ...], p: RidgedPageParameters
-) -> FittedMesh:
+def _search_focal(fitted: FittedMesh, observed: SheetObservations, steps: tuple[float, ...]) -> FittedMesh:
     """The best fit of a search over the focal length.
 
     If depth and focal length grow by the same factor, the photo does not change. So a fit stays near the focal length
     of its start, even if another one explains the photo better.
     """
-    last = replace(p.fit, schedule=p.fit.schedule[-1:], gain=p.focal_ends)
-    best = fitted
+    last = replace(FIT, schedule=FIT.schedule[-1:], gain=FOCAL_ENDS)
     for step in steps:
-        for _ in range(p.most_focal_steps):
-            tried = fit_mesh(best.mesh.deepened(step), observed, last)
-            off = abs(float(np.log(tried.mesh.focal)) - observed.log_focal)
-            if tried.cost > p.focal_gain * best.cost or off > p.believable_focal * observed.focal_deviation:
-                break
-            best = tried
-        if best is not fitted:
-            break
-    return best
+        tried = fit_mesh(fitted.mesh.deepened(step), observed, last)
+        off = abs(float(np.log(tried.mesh.focal)) - observed.log_focal)
+        if tried.cost <= FOCAL_GAIN * fitted.cost and off <= BELIEVABLE_FOCAL * observed.focal_deviation:
+            return tried
+    return fitted
 
 
 def _side_deviation(mesh: SheetMesh, sides: tuple[SideObservations, ...]) -> float:
@@ -344,15 +322,13 @@ def _stretch(mesh: SheetMesh) -> float:
     return float(np.sqrt(np.mean(np.concatenate([across.ravel(), down.ravel()]) ** 2)))
 
 
-def _implausibility(
-    mesh: SheetMesh, sides: tuple[SideObservations, ...], p: RidgedPageParameters
-) -> str | None:
+def _implausibility(mesh: SheetMesh, sides: tuple[SideObservations, ...]) -> str | None:
     """Why no camera could see this mesh; None if one could."""
     if (mesh.nodes[:, :, 2] <= 1e-3).any():
         return "part of it would lie behind the camera"
-    if _stretch(mesh) > p.max_stretch:
+    if _stretch(mesh) > MAX_STRETCH:
         return "the paper would have to stretch"
-    if _side_deviation(mesh, sides) > p.max_side:
+    if _side_deviation(mesh, sides) > MAX_SIDE:
         return "its sides are not those of a sheet of paper"
     seen = mesh.project(mesh.nodes.reshape(-1, 3)).reshape(mesh.rows, mesh.columns, 2)
     along, down = np.diff(seen, axis=1)[:-1], np.diff(seen, axis=0)[:, :-1]
@@ -360,6 +336,6 @@ def _implausibility(
     if (det <= 0).mean() > 0.005:
         return "part of it would be folded over"
     low, high = np.percentile(np.sqrt(np.maximum(det, 1e-12)), [2, 98])
-    if high > p.max_magnification_ratio * low:
+    if high > MAX_MAGNIFICATION_RATIO * low:
         return f"parts of it would be enlarged {high / low:.0f} times as much as others"
     return None

@@ -6,10 +6,8 @@ from services.arrays import Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_EDGES, SideObservations
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
+from services.sheet.outline.results import LEAST_POINTS, SheetOutline
 
-LEAST_POINTS = 8
-"""Of a side that counts as seen."""
 LEAST_PLACED = 0.9
 """Share of the points that a map must place."""
 KEPT = 0.95
@@ -17,11 +15,11 @@ KEPT = 0.95
 
 
 def read_edges(outline: SheetOutline | None, view: PhotoFrame, direction_rad: float) -> SideObservations:
-    """The sides that are seen, in the centred coordinates of `view`; none of an outline that is more likely wrong.
+    """The sides that are seen, in the centred coordinates of `view`.
 
     `direction_rad` is that of the text lines in the photo, up to a half turn.
     """
-    if outline is None or outline.confidence < LEAST_CONFIDENCE:
+    if outline is None:
         return NO_EDGES
     seen = [k for k in range(4) if len(outline.sides[k].points) >= LEAST_POINTS]
     if not seen:

@@ -11,29 +11,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.ocr.engine import Word, mean_confidence
-from services.text.page_text import BlockKind, Box, TextBlock, TextLine, is_right_to_left
+from services.ocr.engine import MADE_UP, Word, mean_confidence
+from services.text.page_text import BlockKind, Box, ReadLine, TextBlock, is_right_to_left
 from services.text.word_boxes import settle_boxes, with_common_rows
 
-
-@dataclass(frozen=True, slots=True)
-class ArrangementParameters:
-    """Which words are one line, and which blocks are headings."""
-
-    row_share: float = 0.5
-    """Two parts of a line are in one row if they share this much of the lower one's height."""
-    overlap: float = 0.5
-    """Two lines of the engine that have more than this of the narrower one's width in common are not one row."""
-    heading: float = 1.2
-    """A block whose print is larger than that of most words by this factor is a heading."""
-    large_heading: float = 1.6
-    """And by this factor, one of the first level."""
-    heading_words: int = 25
-    """Longer blocks are paragraphs in large print."""
-    made_up: float = 0.3
-    """A word outside of all blocks is left out below this confidence: the engine reads specks and pictures as such."""
-    sure: float = 0.8
-    """In a row whose letters have less than `made_up` in the mean, as in the grain of a desk, words need this."""
+_ROW_SHARE = 0.5
+"""Two parts of a line are in one row if they share this much of the lower one's height."""
+_OVERLAP = 0.5
+"""Two lines of the engine that have more than this of the narrower one's width in common are not one row."""
+_HEADING = 1.2
+"""A block whose print is larger than that of most words by this factor is a heading."""
+_LARGE_HEADING = 1.6
+"""And by this factor, one of the first level."""
+_HEADING_WORDS = 25
+"""Longer blocks are paragraphs in large print."""
+_SURE = 0.8
+"""In a row whose letters have less than `MADE_UP` in the mean, as in the grain of a desk, words need this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +50,7 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     that lies above it, but for words and rows that the engine probably made up. Without regions nothing is left out:
     then there is no place where print is expected.
     """
-    p = ArrangementParameters()
+
     region_of = {box: index for index, region in enumerate(regions) for box in region.words}
     boxes = np.array([region.box for region in regions], dtype=np.float64).reshape(-1, 4)
 
@@ -75,11 +68,11 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
             others.append(line)
     usual = _usual_size(regions, held)
     blocks = [
-        _block(mine, region.font_size, usual, p) for region, mine in zip(regions, held, strict=True) if mine
+        _block(mine, region.font_size, usual) for region, mine in zip(regions, held, strict=True) if mine
     ]
-    for row in rows_of(others, p):
-        if kept := _believed(row.words, p) if regions else row.words:
-            block = TextBlock((TextLine(tuple(kept)),))
+    for row in rows_of(others):
+        if kept := _believed(row.words) if regions else row.words:
+            block = TextBlock((ReadLine(tuple(kept)),))
             blocks.insert(_after_above(blocks, block.box), block)
     return tuple(blocks)
 
@@ -103,22 +96,22 @@ def _after_above(blocks: Sequence[TextBlock], box: Box) -> int:
     return len(blocks) if all(above) or not mine else mine[-1] + 1
 
 
-def _believed(row: Sequence[Word], parameters: ArrangementParameters) -> list[Word]:
+def _believed(row: Sequence[Word]) -> list[Word]:
     """Words of a row that were probably not made up; in a row that mostly was, the sure ones."""
-    least = parameters.made_up if mean_confidence(row) >= parameters.made_up else parameters.sure
+    least = MADE_UP if mean_confidence(row) >= MADE_UP else _SURE
     return [word for word in row if word.confidence >= least]
 
 
-def rows_of(parts: Sequence[Part], parameters: ArrangementParameters | None = None) -> tuple[TextLine, ...]:
+def rows_of(parts: Sequence[Part]) -> tuple[ReadLine, ...]:
     """Rows of one column, from the top down; the words of each in the direction of its script.
 
     Parts of lines beside each other are one row where their facing ends are level, so that a bent line is one.
     """
-    p = parameters or ArrangementParameters()
+
     rows: list[list[Word]] = []
     for part in sorted(parts, key=_middle):
-        shared = [_shared_height(part, row, p) for row in rows[-3:]]
-        if shared and max(shared) >= p.row_share:
+        shared = [_shared_height(part, row) for row in rows[-3:]]
+        if shared and max(shared) >= _ROW_SHARE:
             rows[-len(shared) :][int(np.argmax(shared))] += part
         else:
             rows.append(list(part))
@@ -129,16 +122,16 @@ def _middle(part: Sequence[Word]) -> float:
     return float(np.mean([word.box[1] + word.box[3] for word in part]))
 
 
-def _line(words: Sequence[Word]) -> TextLine:
+def _line(words: Sequence[Word]) -> ReadLine:
     words = settle_boxes(words)
     backwards = is_right_to_left("".join(word.text for word in words))
     if backwards:
         words = with_common_rows(words)
     order = sorted(words, key=lambda word: -word.box[2] if backwards else word.box[0])
-    return TextLine(tuple(order))
+    return ReadLine(tuple(order))
 
 
-def _shared_height(part: Sequence[Word], row: Sequence[Word], p: ArrangementParameters) -> float:
+def _shared_height(part: Sequence[Word], row: Sequence[Word]) -> float:
     """Share of the lower one's height that the nearest words of a part and of a row have in common; 0 if they overlap.
 
     Words whose line is not known may overlap: the engine's boxes reach over neighbours.
@@ -146,7 +139,7 @@ def _shared_height(part: Sequence[Word], row: Sequence[Word], p: ArrangementPara
     left, right = min(word.box[0] for word in part), max(word.box[2] for word in part)
     start, end = min(word.box[0] for word in row), max(word.box[2] for word in row)
     known = part[0].line is not None and row[0].line is not None
-    if known and min(right, end) - max(left, start) > p.overlap * min(right - left, end - start):
+    if known and min(right, end) - max(left, start) > _OVERLAP * min(right - left, end - start):
         return 0.0
     one, other = min(
         ((mine, word) for mine in part for word in row),
@@ -176,14 +169,12 @@ def _usual_size(regions: Sequence[Region], held: Sequence[Sequence[Part]]) -> fl
     return float(np.median(list(sizes.elements()))) if sizes.total() else None
 
 
-def _block(
-    parts: Sequence[Part], font_size: float | None, usual: float | None, p: ArrangementParameters
-) -> TextBlock:
+def _block(parts: Sequence[Part], font_size: float | None, usual: float | None) -> TextBlock:
     words = [word for part in parts for word in part]
     kind: BlockKind = "text"
     level = 0
     larger = 1.0 if font_size is None or usual is None else font_size / usual
     has_letters = any(any(map(str.isalpha, word.text)) for word in words)
-    if larger >= p.heading and len(words) <= p.heading_words and has_letters:
-        kind, level = "heading", 1 if larger >= p.large_heading else 2
-    return TextBlock(rows_of(parts, p), kind, level)
+    if larger >= _HEADING and len(words) <= _HEADING_WORDS and has_letters:
+        kind, level = "heading", 1 if larger >= _LARGE_HEADING else 2
+    return TextBlock(rows_of(parts), kind, level)

@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from services.layout.exchange.xml_writing import SOFTWARE, clean
 from services.ocr.word_trust import probability_right
-from services.text.page_text import Box, PageText, TextLine, union_box
+from services.text.page_text import Box, PageText, ReadLine, union_box
 
 _NAMESPACE = "http://www.w3.org/1999/xhtml"
 _DOCTYPE = (
@@ -62,7 +62,7 @@ def _write_page(body: Element, page: PageText, number: int, dpi: float) -> None:
                 _part(row, "span", "ocrx_word", f"word_{number}_{words}", title).text = clean(word.text)
 
 
-def _line_title(line: TextLine) -> str:
+def _line_title(line: ReadLine) -> str:
     _, top, _, bottom = union_box([word.box for word in line.words])
     return f"{_bbox(line.box)}; x_size {bottom - top:.1f}"
 

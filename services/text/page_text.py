@@ -21,7 +21,7 @@ _UNSPACED = ("CJK", "HIRAGANA", "KATAKANA", "IDEOGRAPHIC", "FULLWIDTH")
 
 
 @dataclass(frozen=True, slots=True)
-class TextLine:
+class ReadLine:
     """One line, its words in the order of reading (from right to left in Arabic and Hebrew)."""
 
     words: tuple[Word, ...]
@@ -46,7 +46,7 @@ class TextLine:
 class TextBlock:
     """One block of text (a paragraph, a heading), its lines from the top down. `level` is that of a heading, 1 or 2."""
 
-    lines: tuple[TextLine, ...]
+    lines: tuple[ReadLine, ...]
     kind: BlockKind = "text"
     level: int = 0
 
@@ -73,7 +73,7 @@ class PageText:
     cut: bool = False
 
     @property
-    def lines(self) -> tuple[TextLine, ...]:
+    def lines(self) -> tuple[ReadLine, ...]:
         """All lines in reading order."""
         return tuple(line for block in self.blocks for line in block.lines)
 
@@ -101,9 +101,9 @@ class PageText:
         return replace(self, width=width, height=height, blocks=blocks)
 
 
-def _resized_line(line: TextLine, x: float, y: float) -> TextLine:
+def _resized_line(line: ReadLine, x: float, y: float) -> ReadLine:
     boxes = [(word.box[0] * x, word.box[1] * y, word.box[2] * x, word.box[3] * y) for word in line.words]
-    return TextLine(tuple(replace(word, box=box) for word, box in zip(line.words, boxes, strict=True)))
+    return ReadLine(tuple(replace(word, box=box) for word, box in zip(line.words, boxes, strict=True)))
 
 
 def union_box(boxes: Sequence[Box]) -> Box:

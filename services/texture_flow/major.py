@@ -15,43 +15,42 @@ from services.texture_flow.projection_profiles import (
     scan_directions,
     scan_slopes,
 )
-from services.texture_flow.regression import reject_outliers, smooth_samples
+from services.texture_flow.regression import OUTLIER_RAD, reject_outliers, smooth_samples
 from services.texture_flow.relaxation import find_peaks, label_by_relaxation
 from services.texture_flow.text_identification import IdentifiedText
+
+# Lengths are multiples of the text height.
+COARSE_TEXT_HEIGHT_PX = 3.5
+"""The coarse scan works on ink reduced until characters have this size."""
+COARSE_WINDOW = (12.0, 9.0)
+CANDIDATES = 4
+ITERATIONS = 10
+FINE_BLOCK = 3.0
+FINE_WINDOW = (14.0, 8.0)
+FINE_RANGE_RAD = np.deg2rad(6.0)
+ALONG_SAMPLING = 5.0
+STRIPS = 12
+REMEASURE_SLOPE = np.tan(np.deg2rad(3.0))
+REMEASURE_RAD = np.deg2rad(1.5)
+WIDE_RANGE_RAD = np.deg2rad(15.0)
+"""For windows measured again: at a bent page's edge, lines turn by 20 degrees within a window's width."""
+SMOOTHING = 6.0
+"""Of the field that neighbours are judged by: with 5 the gutter of a book was lost."""
+FIELD_SMOOTHING = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class MajorFlowParameters:
     """Lengths are multiples of the text height."""
 
-    coarse_text_height_px: float = 3.5
-    """The coarse scan works on ink reduced until characters have this size."""
     coarse_block: float = 5.0
-    coarse_window: tuple[float, float] = (12.0, 9.0)
     coarse_step_rad: float = np.deg2rad(5.0)
-    candidates: int = 4
-    iterations: int = 10
-    relaxation_step: float = 1.0
-    """A large step: ten iterations decide."""
-    fine_block: float = 3.0
-    fine_window: tuple[float, float] = (14.0, 8.0)
-    fine_range_rad: float = np.deg2rad(6.0)
     fine_step_rad: float = np.deg2rad(0.75)
-    along_sampling: float = 5.0
     across_sampling: float = 12.0
     """Samples a text height, so that work does not grow with the size of the print; along the lines few are enough."""
-    strips: int = 12
-    remeasure_slope: float = np.tan(np.deg2rad(3.0))
-    remeasure_rad: float = np.deg2rad(1.5)
-    wide_range_rad: float = np.deg2rad(15.0)
-    """For windows measured again: at a bent page's edge, lines turn by 20 degrees within a window's width."""
-    repeats: int = 2
-    outlier_rad: float = np.deg2rad(8.0)
     max_samples: int = 600
     """Bound on the fine samples: the blocks grow until there are at most this many."""
-    smoothing: float = 6.0
-    """Of the field that neighbours are judged by."""
-    field_smoothing: float = 5.0
+    repeats: int = 2
     field_spacing: float = 2.0
     """Of the dense field, which follows a bent page to second order."""
 
@@ -100,10 +99,10 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
     """
     p = parameters or MajorFlowParameters()
     unit = text.text_height_px
-    scale = min(p.coarse_text_height_px / unit, 1.0)
+    scale = min(COARSE_TEXT_HEIGHT_PX / unit, 1.0)
     # Beyond a window's reach from all print, images hold nothing.
     x, y, columns, rows = cv2.boundingRect(text.ink.view(np.uint8))
-    margin = int(np.ceil(max(p.coarse_window) * unit))
+    margin = int(np.ceil(max(COARSE_WINDOW) * unit))
     first = np.maximum([x - margin, y - margin], 0)
     last = np.minimum([x + columns + margin, y + rows + margin], text.ink.shape[::-1])
     printed = text.ink[first[1] : last[1], first[0] : last[0]].astype(np.float32)
@@ -112,7 +111,7 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
     block = max(p.coarse_block * unit, max(text.ink.shape) / 64)
     centres, grid = block_centres(text.area, block)
     reduced = to_resized(centres - first, scale)
-    window = (p.coarse_window[0] * unit * scale, p.coarse_window[1] * unit * scale)
+    window = (COARSE_WINDOW[0] * unit * scale, COARSE_WINDOW[1] * unit * scale)
     presence = cv2.blur(ink, tuple(int(w) | 1 for w in window), borderType=cv2.BORDER_CONSTANT)
     at = np.round(reduced).astype(int)
     within = ((at >= 0) & (at < ink.shape[::-1])).all(axis=1)
@@ -123,8 +122,8 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
     angles = np.concatenate([quarter, quarter + np.pi / 2])
     energies = np.zeros((len(centres), len(angles)))
     energies[alive] = scan_directions(ink, reduced[alive], quarter, window)
-    candidates = find_peaks(energies.reshape(*grid, -1), angles, p.candidates)
-    confidence = label_by_relaxation(candidates, p.iterations, p.relaxation_step)
+    candidates = find_peaks(energies.reshape(*grid, -1), angles, CANDIDATES)
+    confidence = label_by_relaxation(candidates, ITERATIONS)
     best = np.argmax(confidence, axis=-1)[..., None]
     energy = np.take_along_axis(candidates.energies, best, axis=-1).ravel()
     angle = np.take_along_axis(candidates.angles, best, axis=-1).ravel()
@@ -141,21 +140,21 @@ def refine_major_flow(
     p = parameters or MajorFlowParameters()
     unit = text.text_height_px
     shape = (text.ink.shape[0], text.ink.shape[1])
-    sigma = p.smoothing * unit
-    kept = reject_outliers(coarse, 2 * sigma, shape, 3 * p.outlier_rad)
+    sigma = SMOOTHING * unit
+    kept = reject_outliers(coarse, 2 * sigma, shape, 3 * OUTLIER_RAD)
     field = smooth_samples(kept, shape, sigma, 2 * sigma)
-    centres, _ = block_centres(text.area, p.fine_block * unit, p.max_samples)
+    centres, _ = block_centres(text.area, FINE_BLOCK * unit, p.max_samples)
     at = np.round(centres).astype(int)
     centres = centres[text.area[at[:, 1], at[:, 0]]]
-    along, across = unit / p.along_sampling, unit / p.across_sampling
-    columns = int(p.fine_window[0] * unit / along / p.strips) * p.strips
-    slopes = np.tan(np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad))
-    wide_slopes = np.tan(np.arange(-p.wide_range_rad, p.wide_range_rad + 1e-9, p.fine_step_rad))
+    along, across = unit / ALONG_SAMPLING, unit / p.across_sampling
+    columns = int(FINE_WINDOW[0] * unit / along / STRIPS) * STRIPS
+    slopes = np.tan(np.arange(-FINE_RANGE_RAD, FINE_RANGE_RAD + 1e-9, p.fine_step_rad))
+    wide_slopes = np.tan(np.arange(-WIDE_RANGE_RAD, WIDE_RANGE_RAD + 1e-9, p.fine_step_rad))
 
     def window_for(slopes: Vector) -> _Window:
         margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 4
-        rows = int(p.fine_window[1] * unit / across) + 2 * margin
-        return _Window(along, across, rows, columns, margin, p.strips)
+        rows = int(FINE_WINDOW[1] * unit / across) + 2 * margin
+        return _Window(along, across, rows, columns, margin, STRIPS)
 
     ink = text.ink.astype(np.float32)
     theta = field.at(centres)
@@ -163,22 +162,22 @@ def refine_major_flow(
     # Where the coarse field was off, the window is turned by what its neighbours found and measured once more.
     for _ in range(p.repeats):
         samples = _fine_samples(places, theta, slope, np.where(inner, weight, 0.0))
-        samples = reject_outliers(samples, sigma, shape, p.outlier_rad, order=2)
+        samples = reject_outliers(samples, sigma, shape, OUTLIER_RAD, order=2)
         if not len(samples):
             break
-        dense = smooth_samples(samples, shape, p.field_spacing * unit, p.field_smoothing * unit, order=2)
+        dense = smooth_samples(samples, shape, p.field_spacing * unit, FIELD_SMOOTHING * unit, order=2)
         expected = dense.at(places)
         found = theta + np.arctan(slope)
-        off = np.abs(angle_difference(found, expected)) > p.remeasure_rad
-        again = (np.abs(slope) > p.remeasure_slope) | off | ~inner
+        off = np.abs(angle_difference(found, expected)) > REMEASURE_RAD
+        again = (np.abs(slope) > REMEASURE_SLOPE) | off | ~inner
         if not again.any():
             break
         theta[again] = expected[again]
         measured = _measure_slopes(ink, centres[again], theta[again], wide_slopes, window_for(wide_slopes))
         slope[again], inner[again], weight[again], places[again] = measured
     samples = _fine_samples(places, theta, slope, np.where(inner, weight, 0.0))
-    samples = reject_outliers(samples, sigma, shape, p.outlier_rad, order=2)
-    field = smooth_samples(samples, shape, p.field_spacing * unit, p.field_smoothing * unit, order=2)
+    samples = reject_outliers(samples, sigma, shape, OUTLIER_RAD, order=2)
+    field = smooth_samples(samples, shape, p.field_spacing * unit, FIELD_SMOOTHING * unit, order=2)
     return MajorFlow(samples, field)
 
 

@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter
 from services.arrays import Floats, GrayImage, Mask, Vector
 from services.imaging.row_bands import BAND_ROWS, row_bands
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
-from services.texture_flow.regression import reject_outliers, smooth_samples
+from services.texture_flow.regression import OUTLIER_RAD, reject_outliers, smooth_samples
 
 GOLDEN = (5**0.5 - 1) / 2
 LIKELY_SHARE = 0.5
@@ -27,29 +27,34 @@ ENOUGH_SHARE = 0.03
 """... when these contain this share of the image, over `LIKELY_SHARE`, as text."""
 
 
+# Lengths are multiples of the text height.
+DERIVATIVE_SIGMA_PX = 1.1
+"""Scale of the derivatives. Gaussian ones give an edge's direction to 0.05 degrees, Scharr's 0.15, Sobel's 1."""
+EDGE_SHARE = 0.25
+"""Least gradient of an edge relative to a strong gradient (99th percentile) ..."""
+EDGE_FLOOR = 1.0
+"""... and in gray levels a pixel: rounding on plain paper is not an edge."""
+CROSSING_RAD = np.deg2rad(40.0)
+"""Strokes nearer than this to the major flow are removed."""
+BLOCK = 6.0
+COARSE_BIN_RAD = np.deg2rad(1.0)
+COARSE_SIGMA_RAD = np.deg2rad(3.0)
+COARSE_FIT_RAD = np.deg2rad(9.0)
+FINE_RANGE_RAD = np.deg2rad(12.0)
+FINE_BIN_RAD = np.deg2rad(0.25)
+FINE_SIGMA_RAD = np.deg2rad(0.7)
+FINE_FIT_RAD = np.deg2rad(2.5)
+SMOOTHING = 10.0
+MIN_EDGES = 40
+
+SHARP_TEXT_HEIGHT_PX = 22.0
+"""Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
+
+
 @dataclass(frozen=True, slots=True)
 class MinorFlowParameters:
     """Lengths are multiples of the text height."""
 
-    derivative_sigma_px: float = 1.1
-    """Scale of the derivatives. Gaussian ones give an edge's direction to 0.05 degrees, Scharr's 0.15, Sobel's 1."""
-    edge_share: float = 0.25
-    """Least gradient of an edge relative to a strong gradient (99th percentile) ..."""
-    edge_floor: float = 1.0
-    """... and in gray levels a pixel: rounding on plain paper is not an edge."""
-    crossing_rad: float = np.deg2rad(40.0)
-    """Strokes nearer than this to the major flow are removed."""
-    block: float = 6.0
-    coarse_bin_rad: float = np.deg2rad(1.0)
-    coarse_sigma_rad: float = np.deg2rad(3.0)
-    coarse_fit_rad: float = np.deg2rad(9.0)
-    fine_range_rad: float = np.deg2rad(12.0)
-    fine_bin_rad: float = np.deg2rad(0.25)
-    fine_sigma_rad: float = np.deg2rad(0.7)
-    fine_fit_rad: float = np.deg2rad(2.5)
-    outlier_rad: float = np.deg2rad(8.0)
-    smoothing: float = 10.0
-    min_edges: int = 40
     max_edges: int = 200_000
     """Largest number of edge pixels; a thousand determine a block's direction to 0.1 degree."""
     band_rows: int = BAND_ROWS
@@ -106,7 +111,7 @@ def detect_stroke_edges(
     points = np.stack([x, y], axis=1, dtype=np.float32)
     # The tangent is perpendicular to the gradient.
     angles = np.arctan2(gx, -gy)
-    clear = np.flatnonzero(np.abs(angle_difference(angles, major.at(points))) > p.crossing_rad)
+    clear = np.flatnonzero(np.abs(angle_difference(angles, major.at(points))) > CROSSING_RAD)
     return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear])
 
 
@@ -119,11 +124,11 @@ def _strong_edges(
     be among them.
     """
     taps = np.arange(-4, 5, dtype=np.float64)
-    smooth = np.exp(-0.5 * (taps / p.derivative_sigma_px) ** 2)
+    smooth = np.exp(-0.5 * (taps / DERIVATIVE_SIGMA_PX) ** 2)
     smooth /= smooth.sum()
     slope = taps * smooth / float((taps**2 * smooth).sum())
     sampled, found = list[NDArray[np.float32]](), list[_Edges]()
-    step, passed, least, strong = max(int(area.sum()) // 100_000, 1), 0, p.edge_floor, 0.0
+    step, passed, least, strong = max(int(area.sum()) // 100_000, 1), 0, EDGE_FLOOR, 0.0
     for number, (rows, seen, inner) in enumerate(row_bands(len(gray), len(taps) // 2, p.band_rows)):
         if number * GOLDEN % 1.0 >= p.band_share:
             continue
@@ -137,16 +142,16 @@ def _strong_edges(
         passed += inside.size
         at = np.flatnonzero((strength > least) & within)
         found.append(_Edges(at + rows.start * gray.shape[1], gx[at], gy[at], strength[at]))
-        if least == p.edge_floor and likely_share * passed > ENOUGH_SHARE * area.size:
-            least = max(p.edge_floor, likely_share * _strong_gradient(sampled, p))
+        if least == EDGE_FLOOR and likely_share * passed > ENOUGH_SHARE * area.size:
+            least = max(EDGE_FLOOR, likely_share * _strong_gradient(sampled, p))
     strong = _strong_gradient(sampled, p)
-    return (None if least > max(strong, p.edge_floor) else found), strong
+    return (None if least > max(strong, EDGE_FLOOR) else found), strong
 
 
 def _strong_gradient(sampled: list[NDArray[np.float32]], p: MinorFlowParameters) -> float:
     """Least gradient of a strong edge among samples (E,) of several bands."""
     strengths = np.concatenate(sampled)
-    return p.edge_share * float(np.percentile(strengths, 99)) if strengths.size else 0.0
+    return EDGE_SHARE * float(np.percentile(strengths, 99)) if strengths.size else 0.0
 
 
 def strength_curves(
@@ -200,10 +205,10 @@ def estimate_minor_flow(
     """
     p = parameters or MinorFlowParameters()
     edges = detect_stroke_edges(gray, area, major, p)
-    if len(edges.points) < p.min_edges:
+    if len(edges.points) < MIN_EDGES:
         return None
     shape = (gray.shape[0], gray.shape[1])
-    block = p.block * text_height_px
+    block = BLOCK * text_height_px
     columns = int(shape[1] // block) + 1
     rows = int(shape[0] // block) + 1
     which = (edges.points[:, 1] // block).astype(int) * columns + (edges.points[:, 0] // block).astype(int)
@@ -218,32 +223,30 @@ def estimate_minor_flow(
         ],
         axis=1,
     )
-    alive = population >= p.min_edges
+    alive = population >= MIN_EDGES
     if not alive.any():
         return None
     perpendicular = major.at(edges.points) + np.pi / 2
     deviation = angle_difference(edges.angles, perpendicular)
-    curves, directions = strength_curves(
-        which, count, deviation, edges.strengths, np.pi / 2, p.coarse_bin_rad
-    )
-    shared = _share(curves, (rows, columns), 1.0, p.coarse_sigma_rad / p.coarse_bin_rad)
-    coarse = fit_curve_peaks(shared[alive], directions, p.coarse_fit_rad)
+    curves, directions = strength_curves(which, count, deviation, edges.strengths, np.pi / 2, COARSE_BIN_RAD)
+    shared = _share(curves, (rows, columns), 1.0, COARSE_SIGMA_RAD / COARSE_BIN_RAD)
+    coarse = fit_curve_peaks(shared[alive], directions, COARSE_FIT_RAD)
     weight = np.clip(population[alive] / float(np.median(population[alive])), 0, 1)
     samples = FlowSamples(centres[alive], major.at(centres[alive]) + np.pi / 2 + coarse, weight)
-    sigma = p.smoothing * text_height_px
-    samples = reject_outliers(samples, 1.5 * sigma, shape, 3 * p.outlier_rad)
+    sigma = SMOOTHING * text_height_px
+    samples = reject_outliers(samples, 1.5 * sigma, shape, 3 * OUTLIER_RAD)
     field = smooth_samples(samples, shape, block, 1.5 * sigma)
     for _ in range(2):
         deviation = angle_difference(edges.angles, field.at(edges.points))
         curves, directions = strength_curves(
-            which, count, deviation, edges.strengths, p.fine_range_rad, p.fine_bin_rad
+            which, count, deviation, edges.strengths, FINE_RANGE_RAD, FINE_BIN_RAD
         )
-        shared = _share(curves, (rows, columns), 0.7, p.fine_sigma_rad / p.fine_bin_rad)[alive]
-        peaks = fit_curve_peaks(shared, directions, p.fine_fit_rad)
+        shared = _share(curves, (rows, columns), 0.7, FINE_SIGMA_RAD / FINE_BIN_RAD)[alive]
+        peaks = fit_curve_peaks(shared, directions, FINE_FIT_RAD)
         prominence = shared.max(axis=1) / np.maximum(shared.mean(axis=1), 1e-9)
         trust = weight * np.clip((prominence - 1.2) / 1.5, 0.05, 1)
         angle = (field.at(centres[alive]) + peaks) % np.pi
-        samples = reject_outliers(FlowSamples(centres[alive], angle, trust), sigma, shape, p.outlier_rad)
+        samples = reject_outliers(FlowSamples(centres[alive], angle, trust), sigma, shape, OUTLIER_RAD)
         field = smooth_samples(samples, shape, block, sigma)
     return MinorFlow(samples, field)
 
@@ -255,3 +258,8 @@ def _share(curves: Floats, grid: tuple[int, int], sigma_blocks: float, sigma_bin
         stacked, (sigma_blocks, sigma_blocks, sigma_bins), mode="constant", truncate=3.0
     )
     return np.asarray(blurred.reshape(curves.shape))
+
+
+def blur_of_strokes(text_height_px: float) -> float:
+    """Factor on the deviation of stroke directions for characters of this size in the photo; 1 for sharp ones."""
+    return max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)

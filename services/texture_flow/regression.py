@@ -14,6 +14,8 @@ from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 
 _FAR_SHARE = 0.0005
 """Of a sample, weight of the far field: more of it flattens bends."""
+OUTLIER_RAD = float(np.deg2rad(8.0))
+"""Directions that differ from those around by more are wrong."""
 _DAMPING = {1: 0.03, 2: 0.0001}
 """Of slopes and bends that nothing measures, over the samples' weight near by."""
 

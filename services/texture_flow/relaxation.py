@@ -54,11 +54,11 @@ def _shifted(values: Floats, down: int, right: int) -> Floats:
     return moved
 
 
-def label_by_relaxation(candidates: Candidates, iterations: int, step: float) -> Floats:
+def label_by_relaxation(candidates: Candidates, iterations: int) -> Floats:
     """Confidence (rows, columns, K) of every candidate after the exchange of support with 8 neighbours.
 
     C_ik(0) = E_ik / max_k E_ik;  r_ij(k1, k2) = cos(Gamma(a_ik1, a_jk2)) = |cos(a_ik1 - a_jk2)|;
-    s_ik = sum_j sum_k2 r_ij(k, k2) C_jk2;  C <- C (1 + step s), normalised to sum 1 over k.
+    s_ik = sum_j sum_k2 r_ij(k, k2) C_jk2;  C <- C (1 + s), normalised to sum 1 over k.
 
     The dissertation adds the support itself. Multiplied by C (Hummel and Zucker's form), a candidate keeps the share
     given by its energy; else many weak candidates would even it out. Absent candidates stay at 0, so that they neither
@@ -81,7 +81,7 @@ def label_by_relaxation(candidates: Candidates, iterations: int, step: float) ->
     for _ in range(iterations):
         others = np.concatenate([_shifted(confidence, down, right) for down, right in NEIGHBOURS], axis=-1)
         support = (compatibility @ others[..., None])[..., 0]
-        confidence = np.where(present, confidence + step * support * confidence, 0.0)
+        confidence = np.where(present, confidence + support * confidence, 0.0)
         total = confidence.sum(axis=-1, keepdims=True)
         confidence = confidence / np.where(total > 0, total, 1.0)
     return confidence

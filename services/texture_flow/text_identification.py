@@ -22,38 +22,35 @@ FEWEST_CHARACTERS = 30
 """Fewer characters do not show the shape of a page."""
 
 
-@dataclass(frozen=True, slots=True)
-class TextIdentificationParameters:
-    """Lengths are shares of the image diagonal or multiples of the text height."""
-
-    log_sigma: float = 1 / 1500
-    """Scale of the Laplacian of Gaussian over the diagonal: half a stroke of small print."""
-    edge_noise_factor: float = 5.0
-    """An edge is strong above this many robust standard deviations of the response."""
-    edge_contrast: float = 6.0
-    """... and above this response in gray levels of the flat-fielded image (paper grain stays below)."""
-    closing: float = 1 / 110
-    """Diameter of the closing over the diagonal: about a line spacing of small print."""
-    niblack_k: float = -0.2
-    """Niblack's weight of the standard deviation (Trier and Jain's recommendation)."""
-    niblack_window: float = 1 / 65
-    """Window of Niblack's mean and deviation over the diagonal: about two lines of small print."""
-    ink_contrast: float = 12.0
-    """Least standard deviation, in gray levels, of a window that holds ink."""
-    min_text_height: float = 1 / 500
-    max_text_height: float = 1 / 12
-    """Heights of a single component over the diagonal."""
-    max_elongation: float = 8.0
-    """Longest over shortest side of the least rectangle round a component; rules are longer."""
-    max_stroke: float = 0.45
-    """Stroke width over the component's own size; blobs are thicker."""
-    size_ratio: float = 2.5
-    """Components of one line differ in size by less."""
-    reach: float = 3.0
-    """Neighbours of one line are nearer than this many component sizes."""
-    min_neighbours: int = 2
-    alignment: float = 0.5
-    """Largest sine of the angle between the ways to two neighbours on one line."""
+# Lengths are shares of the image diagonal or multiples of the text height.
+LOG_SIGMA = 1 / 1500
+"""Scale of the Laplacian of Gaussian over the diagonal: half a stroke of small print."""
+EDGE_NOISE_FACTOR = 5.0
+"""An edge is strong above this many robust standard deviations of the response."""
+EDGE_CONTRAST = 6.0
+"""... and above this response in gray levels of the flat-fielded image (paper grain stays below)."""
+CLOSING = 1 / 110
+"""Diameter of the closing over the diagonal: about a line spacing of small print."""
+NIBLACK_K = -0.2
+"""Niblack's weight of the standard deviation (Trier and Jain's recommendation)."""
+NIBLACK_WINDOW = 1 / 65
+"""Window of Niblack's mean and deviation over the diagonal: about two lines of small print."""
+INK_CONTRAST = 12.0
+"""Least standard deviation, in gray levels, of a window that holds ink."""
+MIN_TEXT_HEIGHT = 1 / 500
+MAX_TEXT_HEIGHT = 1 / 12
+"""Heights of a single component over the diagonal."""
+MAX_ELONGATION = 8.0
+"""Longest over shortest side of the least rectangle round a component; rules are longer."""
+MAX_STROKE = 0.45
+"""Stroke width over the component's own size; blobs are thicker."""
+SIZE_RATIO = 2.5
+"""Components of one line differ in size by less."""
+REACH = 3.0
+"""Neighbours of one line are nearer than this many component sizes."""
+MIN_NEIGHBOURS = 2
+ALIGNMENT = 0.5
+"""Largest sine of the angle between the ways to two neighbours on one line."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,14 +88,14 @@ class IdentifiedText:
         return float(self.area.mean())
 
 
-def detect_edges(gray: GrayImage, parameters: TextIdentificationParameters) -> Mask:
+def detect_edges(gray: GrayImage) -> Mask:
     """Pixels of strong Laplacian of Gaussian response (step 1 of 2.3.1), scale-normalised by sigma^2."""
     diagonal = float(np.hypot(*gray.shape))
-    sigma = max(parameters.log_sigma * diagonal, 0.8)
+    sigma = max(LOG_SIGMA * diagonal, 0.8)
     smoothed = cv2.GaussianBlur(gray, (0, 0), sigma, dst=None)
     response = np.abs(cv2.Laplacian(smoothed, cv2.CV_16S, ksize=1))
     noise = robust_scale(response[::7, ::7].astype(np.float32) * sigma**2)
-    threshold = max(parameters.edge_noise_factor * noise, parameters.edge_contrast * sigma**2 / 2)
+    threshold = max(EDGE_NOISE_FACTOR * noise, EDGE_CONTRAST * sigma**2 / 2)
     # Responses are whole numbers, so their bound is one too.
     return np.asarray(response > int(threshold / sigma**2))
 
@@ -148,12 +145,11 @@ def keep_characters(text: IdentifiedText, kept: NDArray[np.bool_]) -> Identified
 
 def detect_ink(gray: GrayImage, region: Mask | None = None) -> Mask:
     """All ink (H, W) of a flat-fielded photo, print or not, within `region` (H, W): the three steps of 2.3.1."""
-    p = TextIdentificationParameters()
     diagonal = float(np.hypot(*gray.shape))
-    area = find_text_area(detect_edges(gray, p), p.closing * diagonal)
+    area = find_text_area(detect_edges(gray), CLOSING * diagonal)
     if region is not None:
         area &= region
-    return binarize_niblack(gray, area, p.niblack_window * diagonal, p.niblack_k, p.ink_contrast)
+    return binarize_niblack(gray, area, NIBLACK_WINDOW * diagonal, NIBLACK_K, INK_CONTRAST)
 
 
 def identify_text(gray: GrayImage, region: Mask | None = None) -> IdentifiedText:
@@ -166,10 +162,9 @@ def identify_text(gray: GrayImage, region: Mask | None = None) -> IdentifiedText
     region
         (H, W) guide: only text inside of it counts.
     """
-    p = TextIdentificationParameters()
     ink = detect_ink(gray, region)
     count, label_image, stats, centroids = label_components(ink)
-    kept = _select_characters(ink, label_image, stats, centroids, p)
+    kept = _select_characters(ink, label_image, stats, centroids)
     text_ink = _ink_of(kept, count, ink, label_image)
     found, taken = int(np.count_nonzero(ink)), int(np.count_nonzero(text_ink))
     components = TextComponents(
@@ -203,11 +198,7 @@ def _sizes(stats: NDArray[np.int32]) -> Vector:
 
 
 def _select_characters(
-    ink: Mask,
-    label_image: NDArray[np.int32],
-    stats: NDArray[np.int32],
-    centroids: Points,
-    p: TextIdentificationParameters,
+    ink: Mask, label_image: NDArray[np.int32], stats: NDArray[np.int32], centroids: Points
 ) -> NDArray[np.intp]:
     """Indices of the components that look like characters and have similar components near them."""
     diagonal = float(np.hypot(*ink.shape))
@@ -219,22 +210,22 @@ def _select_characters(
     left, top = stats[:, cv2.CC_STAT_LEFT], stats[:, cv2.CC_STAT_TOP]
     whole = (left > 0) & (top > 0) & (left + width < columns) & (top + height < rows)
     right_size = (
-        (longest >= p.min_text_height * diagonal)
-        & (longest <= 2 * p.max_text_height * diagonal)
-        & (size <= p.max_text_height * diagonal)
+        (longest >= MIN_TEXT_HEIGHT * diagonal)
+        & (longest <= 2 * MAX_TEXT_HEIGHT * diagonal)
+        & (size <= MAX_TEXT_HEIGHT * diagonal)
         & (area >= 6)
     )
-    thin = measure_strokes(ink, label_image, area) < p.max_stroke * size
+    thin = measure_strokes(ink, label_image, area) < MAX_STROKE * size
     character = whole & right_size & thin
     character[0] = False  # the background
-    compact = character & (longest <= p.max_elongation * shortest)
+    compact = character & (longest <= MAX_ELONGATION * shortest)
     if not compact.any():
         return np.zeros(0, np.intp)
     # Letters that touch form words, long but as high as a character; rules are long and thin.
     word = character & ~compact & (shortest > 0.6 * np.median(size[compact]))
     candidates = np.flatnonzero(compact | word)
     for _ in range(2):  # the second pass takes away what leaned on components that fell in the first
-        candidates = candidates[_stand_in_line(centroids[candidates], size[candidates], p)]
+        candidates = candidates[_stand_in_line(centroids[candidates], size[candidates])]
     return np.asarray(candidates)
 
 
@@ -249,16 +240,16 @@ def measure_strokes(ink: Mask, label_image: NDArray[np.int32], area: Vector) -> 
     return np.asarray(4 * total / np.maximum(area, 1) - 2)
 
 
-def _stand_in_line(centres: Points, sizes: Vector, p: TextIdentificationParameters) -> NDArray[np.bool_]:
+def _stand_in_line(centres: Points, sizes: Vector) -> NDArray[np.bool_]:
     """Which components have at least `min_neighbours` of like size within reach, two of them on one line with it."""
-    if len(centres) <= p.min_neighbours:
+    if len(centres) <= MIN_NEIGHBOURS:
         return np.zeros(len(centres), bool)
     distance, index = cKDTree(centres).query(centres, k=min(9, len(centres)))
     ratio = sizes[index] / sizes[:, None]
-    near = (distance > 0) & (distance < p.reach * np.maximum(sizes[index], sizes[:, None]))
-    fellow = near & (ratio < p.size_ratio) & (ratio > 1 / p.size_ratio)
+    near = (distance > 0) & (distance < REACH * np.maximum(sizes[index], sizes[:, None]))
+    fellow = near & (ratio < SIZE_RATIO) & (ratio > 1 / SIZE_RATIO)
     way = (centres[index] - centres[:, None]) / np.maximum(distance, 1e-9)[..., None]
     first, second = np.triu_indices(index.shape[1], 1)
     cross = np.abs(way[:, first, 0] * way[:, second, 1] - way[:, first, 1] * way[:, second, 0])
-    aligned = (fellow[:, first] & fellow[:, second] & (cross < p.alignment)).any(axis=1)
-    return np.asarray((fellow.sum(axis=1) >= p.min_neighbours) & aligned)
+    aligned = (fellow[:, first] & fellow[:, second] & (cross < ALIGNMENT)).any(axis=1)
+    return np.asarray((fellow.sum(axis=1) >= MIN_NEIGHBOURS) & aligned)

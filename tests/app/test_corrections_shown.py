@@ -19,7 +19,7 @@ from PIL import Image
 
 from services.contract.operations import Operations
 from services.layout.page import Page, Zone
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.layout.rendering.overlay import draw_overlay
 from tests.app.serving import serving
 from tests.app.test_feedback_undo import KINDS, page
@@ -132,7 +132,7 @@ def labels_of_files(shown: dict[str, bytes]) -> Iterator[tuple[str, dict[str, st
 def expected_overlay(result: dict[str, Any]) -> np.ndarray:
     zones = [Zone(zone["id"], tuple(zone["box"]), zone["kind"]) for zone in result["zones"]]
     labelled = tuple(
-        LabelledZone(zone, said["label"], 1.0, None, said["order"])
+        RecognizedZone(zone, said["label"], 1.0, None, said["order"])
         for zone, said in zip(zones, result["zones"], strict=True)
     )
     named = result["class"] and ClassMatch(result["class"]["name"], 1, 0.0, 1.0)

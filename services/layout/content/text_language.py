@@ -2,21 +2,16 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+
+_LEAST_WORDS = 4
+"""Function words that only this language has; a letter of five lines has ten and more."""
+_LEAST_RATIO = 2.0
+"""So many times the function words that only the base language has: an English page may quote another language."""
+_MOST_CHARACTERS = 20_000
+"""Characters of a page that are searched; a full page of small print has about 8000."""
+
 
 _WORD = re.compile(r"[^\W\d_]++")
-
-
-@dataclass(frozen=True, slots=True)
-class LanguageParameters:
-    """When a page is taken to be in another language than that of the base settings."""
-
-    least_words: int = 4
-    """Function words that only this language has; a letter of five lines has ten and more."""
-    least_ratio: float = 2.0
-    """So many times the function words that only the base language has: an English page may quote another language."""
-    most_characters: int = 20_000
-    """Characters of a page that are searched; a full page of small print has about 8000."""
 
 
 def own_words(words: Mapping[str, Iterable[str]]) -> dict[str, frozenset[str]]:
@@ -40,9 +35,9 @@ def find_language(texts: Iterable[str], words: Mapping[str, frozenset[str]], bas
     base
         The language of pages with few words.
     """
-    p = LanguageParameters()
+
     counts = dict.fromkeys(words, 0)
-    left = p.most_characters
+    left = _MOST_CHARACTERS
     for text in texts:
         if left <= 0:
             break
@@ -51,5 +46,5 @@ def find_language(texts: Iterable[str], words: Mapping[str, frozenset[str]], bas
                 counts[language] += word in listed
         left -= len(text)
     best = max(counts, key=lambda language: counts[language])
-    enough = max(p.least_words, p.least_ratio * counts[base])
+    enough = max(_LEAST_WORDS, _LEAST_RATIO * counts[base])
     return best if counts[best] >= enough else base

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from services.contract.layout_models import MOST_COMPARED_SAMPLES
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
-from services.layout.matching import MatchingParameters, match_directly
+from services.layout.matching import NO_PROOF, match_directly
 from services.layout.model.compiled_model import CompiledModel, comparable_scales
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.estimation import estimate_model
@@ -22,12 +22,12 @@ from services.layout.model.statistics import (
 from services.layout.page import Page
 from services.layout.recognition.page_recognition import comparable_cost
 
+FEWEST_PAGES = 3
+"""Of a class, a part of one, or a new one. Two can be alike by chance: among 50 single pages of different classes there
+is such a pair, and models of two samples do not separate letters from memos."""
 MOST_MATCHED = 5e7
 """Largest number of table entries of pairs for the samples of a class, 10 ns each; it limits samples with many
 zones."""
-
-_QUICK = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""Local search only: the proof of the least cost changes costs by 0.2 a zone at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +104,7 @@ class SampleCost:
 
 def match_sample(views: Sequence[LabelledGraph], model: CompiledModel) -> SampleCost:
     """Least cost of a sample under a model, over all labellings; the verified labels are not used."""
-    found = [match_directly(build_cost_tables(view.graph, model), _QUICK).labels for view in views]
+    found = [match_directly(build_cost_tables(view.graph, model), NO_PROOF).labels for view in views]
     costs = [
         comparable_cost(view.graph, model, labels) / view.graph.zones
         for view, labels in zip(views, found, strict=True)

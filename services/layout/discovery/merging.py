@@ -7,30 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from services.layout.discovery.class_samples import ClassSamples, held_out_costs, match_sample
+from services.layout.discovery.class_samples import FEWEST_PAGES, ClassSamples, held_out_costs, match_sample
 from services.layout.discovery.groups import find_medoid
 from services.layout.discovery.page_distance import page_distances
-from services.layout.recognition.classification import ClassificationParameters
+from services.layout.recognition.classification import SHARE_OF_MEAN, SHARPNESS
 
-
-@dataclass(frozen=True, slots=True)
-class MergingParameters:
-    """Measured on halves of eleven classes, which must be merged, and on all pairs of classes, which must not."""
-
-    least_samples: int = 3
-    """Samples of each class; models of two samples do not separate letters from memos."""
-    least_fit: float = 0.7
-    """Costs of a class's samples by the other's model, as a share of those by its own: of halves 0.75 to 1, of
-    different classes 0.6 at most."""
-    clear_odds: float = 3.0
-    """Log odds from which a decision between the two classes is clear: the other one has a twentieth."""
-    least_unsure: float = 0.15
-    """Share of the samples whose class is decided wrongly or not clearly: of halves 0.17 to 1, of different classes
-    none as a rule."""
-    least_agreement: float = 0.7
-    """Share of zones whose labels by the two models correspond."""
-    most_pairs: int = 100
-    """Pairs of classes that are compared, those with the nearest typical pages; 0.1 s each."""
+LEAST_FIT = 0.7
+"""Costs of a class's samples by the other's model, as a share of those by its own: of halves 0.75 to 1, of
+different classes 0.6 at most."""
+_CLEAR_ODDS = 3.0
+"""Log odds from which a decision between the two classes is clear: the other one has a twentieth."""
+_LEAST_UNSURE = 0.15
+"""Share of the samples whose class is decided wrongly or not clearly: of halves 0.17 to 1, of different classes
+none as a rule."""
+_LEAST_AGREEMENT = 0.7
+"""Share of zones whose labels by the two models correspond."""
+_MOST_PAIRS = 100
+"""Pairs of classes that are compared, those with the nearest typical pages; 0.1 s each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +44,10 @@ class MergeProposal:
     labels: dict[str, str | None]
 
 
-def propose_merges(
-    classes: Sequence[ClassSamples], parameters: MergingParameters = MergingParameters()
-) -> tuple[MergeProposal, ...]:
+def propose_merges(classes: Sequence[ClassSamples]) -> tuple[MergeProposal, ...]:
     """Pairs of classes that recognition cannot distinguish, the most similar first."""
     able = sorted(
-        (each for each in classes if len(each.samples) >= parameters.least_samples),
+        (each for each in classes if len(each.samples) >= FEWEST_PAGES),
         key=lambda each: each.name,
     )
     if len(able) < 2:
@@ -67,7 +58,7 @@ def propose_merges(
         typical.append(graphs[find_medoid(page_distances(graphs))])
     distances = page_distances(typical)
     first, second = np.triu_indices(len(able), 1)
-    nearest = np.argsort(distances[first, second], kind="stable")[: parameters.most_pairs]
+    nearest = np.argsort(distances[first, second], kind="stable")[:_MOST_PAIRS]
     costs: dict[str, NDArray[np.float64]] = {}
     found = []
     for pair in nearest:
@@ -75,20 +66,18 @@ def propose_merges(
         for each in (one, other):
             if each.name not in costs:
                 costs[each.name] = held_out_costs(each)
-        proposal = compare_classes(one, other, costs[one.name], costs[other.name], parameters)
-        if are_indistinguishable(proposal, parameters):
+        proposal = compare_classes(one, other, costs[one.name], costs[other.name])
+        if are_indistinguishable(proposal):
             found.append(proposal)
     return tuple(sorted(found, key=lambda each: (-each.fit, each.first, each.second)))
 
 
-def are_indistinguishable(
-    proposal: MergeProposal, parameters: MergingParameters = MergingParameters()
-) -> bool:
+def are_indistinguishable(proposal: MergeProposal) -> bool:
     """Whether a comparison of two classes is a reason to merge them."""
     return (
-        proposal.fit >= parameters.least_fit
-        and proposal.unsure >= parameters.least_unsure
-        and proposal.agreement >= parameters.least_agreement
+        proposal.fit >= LEAST_FIT
+        and proposal.unsure >= _LEAST_UNSURE
+        and proposal.agreement >= _LEAST_AGREEMENT
     )
 
 
@@ -97,7 +86,6 @@ def compare_classes(
     other: ClassSamples,
     own_costs: NDArray[np.float64],
     other_costs: NDArray[np.float64],
-    parameters: MergingParameters = MergingParameters(),
 ) -> MergeProposal:
     """The similarity of two classes, given their costs from `held_out_costs`."""
     forth, forth_labels = _match_all(one, other)
@@ -106,12 +94,10 @@ def compare_classes(
         forth.mean() / min(own_costs.mean(), -1.0),
         back.mean() / min(other_costs.mean(), -1.0),
     )
-    classification = ClassificationParameters()
-    offset = classification.share_of_mean * (own_costs.mean() - other_costs.mean())
-    odds = classification.sharpness * np.concatenate(
-        [forth - own_costs + offset, back - other_costs - offset]
-    )
-    unsure = float(np.mean(odds < parameters.clear_odds))
+
+    offset = SHARE_OF_MEAN * (own_costs.mean() - other_costs.mean())
+    odds = SHARPNESS * np.concatenate([forth - own_costs + offset, back - other_costs - offset])
+    unsure = float(np.mean(odds < _CLEAR_ODDS))
     agreement, labels = _map_labels(one, other, forth_labels, back_labels)
     return MergeProposal(one.name, other.name, float(fit), unsure, agreement, labels)
 

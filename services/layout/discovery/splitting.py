@@ -5,25 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.discovery.class_samples import ClassSamples, held_out_costs, match_sample
+from services.layout.discovery.class_samples import FEWEST_PAGES, ClassSamples, held_out_costs, match_sample
 from services.layout.discovery.groups import find_medoid
 from services.layout.discovery.page_distance import page_distances
 from services.layout.model.statistics import total_statistics
 
-
-@dataclass(frozen=True, slots=True)
-class SplittingParameters:
-    """Measured on eleven classes, which shall stay whole, and on all unions of two, which shall not."""
-
-    least_samples: int = 8
-    """Of the class: of fewer, models of parts have too few samples to win."""
-    least_part: int = 3
-    """Samples of each part."""
-    least_gain: float = 0.03
-    """By how much of the joint model's costs the parts' models lower them. Homogeneous classes lose up to a tenth and
-    win 0.012 at most; unions of two publications win 0.05 and more."""
-    least_better: float = 0.7
-    """Share of the samples that cost less by the parts' models; of unions 0.8 and more."""
+_LEAST_SAMPLES = 8
+"""Of the class: of fewer, models of parts have too few samples to win."""
+LEAST_GAIN = 0.03
+"""By how much of the joint model's costs the parts' models lower them. Homogeneous classes lose up to a tenth and
+win 0.012 at most; unions of two publications win 0.05 and more."""
+_LEAST_BETTER = 0.7
+"""Share of the samples that cost less by the parts' models; of unions 0.8 and more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,26 +34,22 @@ class SplitProposal:
     better: float
 
 
-def propose_split(
-    samples: ClassSamples, parameters: SplittingParameters = SplittingParameters()
-) -> SplitProposal | None:
+def propose_split(samples: ClassSamples) -> SplitProposal | None:
     """The proposal to split a class; None if it is homogeneous or has too few samples."""
-    proposal = compare_parts(samples, parameters)
-    if proposal is None or proposal.gain < parameters.least_gain or proposal.better < parameters.least_better:
+    proposal = compare_parts(samples)
+    if proposal is None or proposal.gain < LEAST_GAIN or proposal.better < _LEAST_BETTER:
         return None
     return proposal
 
 
-def compare_parts(
-    samples: ClassSamples, parameters: SplittingParameters = SplittingParameters()
-) -> SplitProposal | None:
+def compare_parts(samples: ClassSamples) -> SplitProposal | None:
     """The two groups of a class's samples and what their own models gain; None of too few samples."""
-    if len(samples.samples) < parameters.least_samples:
+    if len(samples.samples) < _LEAST_SAMPLES:
         return None
     distances = page_distances(samples.verified())
     first = halve(distances)
     sizes = np.array([first.sum(), (~first).sum()])
-    if sizes.min() < parameters.least_part:
+    if sizes.min() < FEWEST_PAGES:
         return None
     joint, parted = held_out_costs(samples), _costs_by_parts(samples, first)
     gain = float((joint.mean() - parted.mean()) / max(abs(joint.mean()), 1.0))

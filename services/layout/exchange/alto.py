@@ -32,7 +32,7 @@ from services.layout.exchange.xml_writing import (
     zone_lines,
 )
 from services.layout.page import Box, InvalidLayout, Kind, Page, Zone
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.recognition.results import Recognition, RecognizedZone
 from services.notices import Notice
 
 NAMESPACE = "http://www.loc.gov/standards/alto/ns-v4#"
@@ -300,7 +300,7 @@ class _Tags:
         """Element name, TYPE, LABEL and ID of each, labels first."""
         return [(*tag, name) for tag, name in sorted(self._ids.items())]
 
-    def of(self, labelled: LabelledZone, name: str) -> list[str]:
+    def of(self, labelled: RecognizedZone, name: str) -> list[str]:
         """IDs of the tags of a zone whose block is `name`."""
         found = [] if labelled.label is None else [("LayoutTag", "layout", clean(labelled.label))]
         zone = labelled.zone

@@ -15,8 +15,8 @@ from services.layout.page import (
     ALIGNMENTS,
     KINDS,
     Alignment,
-    Appearance,
     Box,
+    InkAppearance,
     InvalidLayout,
     Kind,
     Page,
@@ -250,17 +250,17 @@ def _measure(value: Any, field: str, limits: ExchangeLimits) -> float | None:
     return float(value) or None
 
 
-def _appearance(value: Any, field: str) -> Appearance | None:
+def _appearance(value: Any, field: str) -> InkAppearance | None:
     if value is None:
         return None
-    names = [each.name for each in fields(Appearance)]
+    names = [each.name for each in fields(InkAppearance)]
     if not isinstance(value, dict) or not all(
         is_finite_number(value.get(name)) and abs(value[name]) <= _LARGEST_APPEARANCE for name in names
     ):
         raise InvalidLayout(
             f"The appearance must be an object with finite numbers {', '.join(names)}, or null.", field
         )
-    return Appearance(**{name: float(value[name]) for name in names})
+    return InkAppearance(**{name: float(value[name]) for name in names})
 
 
 def _text(value: Any, field: str, limits: ExchangeLimits) -> str:

@@ -35,8 +35,8 @@ from services.layout.exchange.xml_writing import (
     union_box,
     zone_lines,
 )
-from services.layout.page import Box, InvalidLayout, Kind, Page, ReadWord
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.page import Box, InvalidLayout, Kind, Page, ZoneWord
+from services.layout.recognition.results import Recognition, RecognizedZone
 from services.notices import Notice
 
 NAMESPACE = "http://schema.primaresearch.org/PAGE/gts/pagecontent/2019-07-15"
@@ -308,7 +308,7 @@ def write_page_xml(recognition: Recognition, file_name: str, created: datetime, 
 
 
 def _write_region(
-    page: Element, labelled: LabelledZone, name: str, size: tuple[int, int], names: Names
+    page: Element, labelled: RecognizedZone, name: str, size: tuple[int, int], names: Names
 ) -> None:
     zone, label, points = labelled.zone, labelled.label, _points(labelled.zone.box, *size)
     tag, attributes = _REGION_OF[zone.kind], {"id": name}
@@ -340,7 +340,7 @@ def _write_region(
 
 
 def _write_line(
-    holder: Element, words: Sequence[ReadWord], name: str, size: tuple[int, int], names: Names
+    holder: Element, words: Sequence[ZoneWord], name: str, size: tuple[int, int], names: Names
 ) -> None:
     line = SubElement(holder, "TextLine", {"id": names.give(name)})
     SubElement(line, "Coords", {"points": _points(union_box(words), *size)})

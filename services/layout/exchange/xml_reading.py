@@ -8,12 +8,11 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from services.layout.exchange.limits import ExchangeLimits
+from services.layout.graph.font_sizes import LINE_HEIGHT
 from services.layout.page import InvalidLayout
 
 FIELD = "zones_file"
 """The field of the request that a file comes in."""
-_LINE_BOX_EMS = 0.9
-"""Height of the box about a line of print in its font size: from ascenders, 0.7, to descenders, 0.2 below."""
 
 
 def read_xml(data: bytes, limits: ExchangeLimits) -> Element:
@@ -135,7 +134,7 @@ def measure_lines(boxes: list[list[float] | None]) -> tuple[float | None, float 
     known = [box for box in boxes if box is not None and box[3] - box[1] > 1.0]
     if not known:
         return None, None
-    size = median(box[3] - box[1] for box in known) / _LINE_BOX_EMS
+    size = median(box[3] - box[1] for box in known) / LINE_HEIGHT
     middles = sorted((box[1] + box[3]) / 2 for box in known)
     steps = [step for step in map(sub, middles[1:], middles) if step > size / 2]  # else parts of one line
     return size, median(steps) if steps else None

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from itertools import groupby
 from xml.etree.ElementTree import Element, indent, tostring
 
-from services.layout.page import Box, ReadWord, Zone
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.page import Box, Zone, ZoneWord
+from services.layout.recognition.results import Recognition, RecognizedZone
 
 SOFTWARE = "document-rectification"
 XSI = "http://www.w3.org/2001/XMLSchema-instance"
@@ -38,17 +38,17 @@ def clean(text: str) -> str:
     return _NO_XML.sub("", text.replace("\r\n", "\n").replace("\r", "\n"))
 
 
-def ordered(recognition: Recognition) -> list[LabelledZone]:
+def ordered(recognition: Recognition) -> list[RecognizedZone]:
     """The zones in reading order."""
     return sorted(recognition.zones, key=lambda zone: zone.order)
 
 
-def zone_lines(zone: Zone) -> list[list[ReadWord]]:
+def zone_lines(zone: Zone) -> list[list[ZoneWord]]:
     """The words of a zone by their lines."""
     return [list(words) for _, words in groupby(zone.words, key=lambda word: word.line)]
 
 
-def union_box(words: Sequence[ReadWord]) -> Box:
+def union_box(words: Sequence[ZoneWord]) -> Box:
     """The box round one word or more."""
     x0, y0, x1, y1 = zip(*(word.box for word in words), strict=True)
     return min(x0), min(y0), max(x1), max(y1)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from services.layout.grouping.joining import Groups
 from services.layout.grouping.piece_pairs import joined_box
 from services.layout.page import Page, Zone
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, text_zone, with_appearance
 from services.layout.segmentation.measures import order_by_rows
 from services.layout.segmentation.reading_order import reading_order
@@ -41,7 +41,7 @@ def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recogniti
     other labels are told. The match stays that of the pieces; its zones have their new ids.
     """
     zones = tuple(
-        LabelledZone(
+        RecognizedZone(
             zone,
             seen.zones[group[0]].label,
             min(seen.zones[place].confidence for place in group),

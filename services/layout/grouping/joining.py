@@ -11,7 +11,7 @@ expectation: two pieces are put together where that is more than twice as probab
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,7 +26,19 @@ from services.layout.grouping.piece_pairs import (
 from services.layout.grouping.piece_tree import PieceTree, grow_tree
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Page, Zone
-from services.layout.recognition.results import LabelledZone
+from services.layout.recognition.results import RecognizedZone
+
+_MOST_ODDS = 5.0
+"""Of a pair; larger ones count as this."""
+_MOST_EVIDENCE = 6.0
+_USUAL_DIVIDED = 0.15
+"""Share of the verified zones of a label that segmentation divides, as if `USUAL_ZONES` had been seen."""
+SPREAD = 0.5
+"""Standard deviation of the binary logarithms of widths and heights within a label, as if `USUAL_ZONES` had
+been seen."""
+USUAL_ZONES = 2.0
+_MOST_NOISE = 3
+
 
 WHOLE_FEATURES = (
     "weakest",
@@ -48,24 +60,9 @@ Groups = tuple[tuple[int, ...], ...]
 """Places of the zones of a page that become one zone, in the order of the page; a zone alone is a group, too."""
 
 
-@dataclass(frozen=True, slots=True)
-class WholeParameters:
-    """Bounds of features, and what is usual before samples say more."""
-
-    most_odds: float = 5.0
-    """Of a pair; larger ones count as this."""
-    most_evidence: float = 6.0
-    usual_divided: float = 0.15
-    """Share of the verified zones of a label that segmentation divides, as if `divided_zones` had been seen."""
-    divided_zones: float = 2.0
-    spreads: tuple[float, float] = (0.4, 0.5)
-    """Standard deviation of the binary logarithms of widths and heights within a label, as if `spread_zones` had been
-    seen."""
-    spread_zones: float = 2.0
-    most_noise: int = 3
-
-
-def find_groups(zones: Sequence[LabelledZone], page: Page, learned: Mapping[str, PieceStatistics]) -> Groups:
+def find_groups(
+    zones: Sequence[RecognizedZone], page: Page, learned: Mapping[str, PieceStatistics]
+) -> Groups:
     """Groups of zones that are pieces of one, by what the class has `learned` of its labels."""
     if len(zones) > MOST_ZONES or len(zones) < 2:
         return tuple((place,) for place in range(len(zones)))
@@ -75,20 +72,20 @@ def find_groups(zones: Sequence[LabelledZone], page: Page, learned: Mapping[str,
 
 
 def describe_joins(
-    zones: Sequence[LabelledZone],
+    zones: Sequence[RecognizedZone],
     page: Page,
     learned: Mapping[str, PieceStatistics],
     pair_weights: Sequence[float],
 ) -> tuple[PieceTree, Values]:
     """The tree of joins of a page, and `WHOLE_FEATURES` (M, 9) of its nodes, 0 for those that are no join."""
-    p = WholeParameters()
+
     em = print_size(page)
     labelled = [_labelled(each) for each in zones]
     pieces, names = describe_pieces(labelled, em)
     tree = grow_tree(pieces, joining_of(names, learned), pair_weights)
     features = np.zeros((len(tree.members), len(WHOLE_FEATURES)))
     evidence = np.clip(
-        [0.0 if each.evidence is None else each.evidence for each in zones], -p.most_evidence, p.most_evidence
+        [0.0 if each.evidence is None else each.evidence for each in zones], -_MOST_EVIDENCE, _MOST_EVIDENCE
     )
     noise = np.array([each.zone.kind in ("rule", "noise") for each in zones], np.float64)
     joins = np.arange(tree.zones, len(tree.members))
@@ -100,14 +97,14 @@ def describe_joins(
     labels = tree.pieces.labels[joins]
     features[joins] = np.column_stack(
         [
-            np.clip(tree.weakest[joins], -p.most_odds, p.most_odds),
-            np.clip(tree.offered[joins], -p.most_odds, p.most_odds),
+            np.clip(tree.weakest[joins], -_MOST_ODDS, _MOST_ODDS),
+            np.clip(tree.offered[joins], -_MOST_ODDS, _MOST_ODDS),
             [float(evidence[list(tree.members[node])].mean()) for node in joins],
-            np.array([_divided(each, p) for each in known])[labels],
-            _unlikely_size(shares, [known[label] for label in labels], p),
+            np.array([_divided(each) for each in known])[labels],
+            _unlikely_size(shares, [known[label] for label in labels]),
             np.log(np.maximum(sides.prod(axis=1), 1e-6)),
             np.log1p(tree.pieces.lines[joins]),
-            [min(float(noise[list(tree.members[node])].sum()), p.most_noise) for node in joins],
+            [min(float(noise[list(tree.members[node])].sum()), _MOST_NOISE) for node in joins],
             np.ones(len(joins)),
         ]
     )
@@ -145,25 +142,23 @@ def choose_groups(tree: PieceTree, probability: Values) -> Groups:
     return tuple(sorted(groups))
 
 
-def _labelled(each: LabelledZone) -> Zone:
+def _labelled(each: RecognizedZone) -> Zone:
     return replace(each.zone, label=each.label)
 
 
-def _divided(learned: PieceStatistics, p: WholeParameters) -> float:
+def _divided(learned: PieceStatistics) -> float:
     """Log odds, beyond the usual ones, that segmentation divides a zone of the label."""
-    divided = learned.divided + p.divided_zones * p.usual_divided
-    whole = learned.whole + p.divided_zones * (1 - p.usual_divided)
-    return float(np.log(divided / whole) - np.log(p.usual_divided / (1 - p.usual_divided)))
+    divided = learned.divided + USUAL_ZONES * _USUAL_DIVIDED
+    whole = learned.whole + USUAL_ZONES * (1 - _USUAL_DIVIDED)
+    return float(np.log(divided / whole) - np.log(_USUAL_DIVIDED / (1 - _USUAL_DIVIDED)))
 
 
-def _unlikely_size(shares: Values, learned: Sequence[PieceStatistics], p: WholeParameters) -> Values:
+def _unlikely_size(shares: Values, learned: Sequence[PieceStatistics]) -> Values:
     """How little binary logarithms of sides of joins (J, 2) are like those of verified zones; 0 where none is known."""
     sums = np.array([(each.widths, each.heights) for each in learned])
     count = np.maximum(sums[:, :, 0], 1e-9)
     mean = sums[:, :, 1] / count
     squares = np.maximum(sums[:, :, 2] - count * mean**2, 0.0)
-    variance = (
-        (squares + p.spread_zones * np.array(p.spreads) ** 2) / (count + p.spread_zones) * (1 + 1 / count)
-    )
+    variance = (squares + USUAL_ZONES * SPREAD**2) / (count + USUAL_ZONES) * (1 + 1 / count)
     unlikely = np.log1p((shares - mean) ** 2 / (4 * variance)).sum(axis=1)
     return np.where(sums[:, 0, 0] >= 0.5, unlikely, 0.0)

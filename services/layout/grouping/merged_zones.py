@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import expit, logit
 
-from services.layout.grouping.joining import WholeParameters
+from services.layout.grouping.joining import SPREAD, USUAL_ZONES
 from services.layout.grouping.regrouping_odds import merged_share
 from services.layout.model.layout_model import PieceStatistics
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.recognition.results import Recognition, RecognizedZone
 
 
 def with_merged_doubts(seen: Recognition, learned: Mapping[str, PieceStatistics]) -> Recognition:
@@ -22,7 +22,7 @@ def with_merged_doubts(seen: Recognition, learned: Mapping[str, PieceStatistics]
     on_page = {each.label for each in seen.zones}
     missing = [each for label, each in learned.items() if each.merged and label not in on_page]
 
-    def doubt(zone: LabelledZone) -> float:
+    def doubt(zone: RecognizedZone) -> float:
         own = learned.get(zone.label or "", PieceStatistics())
         if not own.merged or not missing or zone.zone.kind != "text":
             return 0.0
@@ -35,17 +35,17 @@ def with_merged_doubts(seen: Recognition, learned: Mapping[str, PieceStatistics]
 
 def _probability(share: float, own: PieceStatistics, other: PieceStatistics) -> float:
     """Probability that a zone, its height a share of the page's, is one of its own label and another one together."""
-    p = WholeParameters()
-    (alone, variance), (added, _) = _height(own, p), _height(other, p)
+
+    (alone, variance), (added, _) = _height(own), _height(other)
     together = np.log2(2.0**alone + 2.0**added)
     height = np.log2(max(share, 1e-6))
     likelier = ((height - alone) ** 2 - (height - together) ** 2) / (2 * variance)
     return float(expit(logit(min(merged_share(own), merged_share(other))) + likelier))
 
 
-def _height(label: PieceStatistics, p: WholeParameters) -> tuple[float, float]:
+def _height(label: PieceStatistics) -> tuple[float, float]:
     """Mean and variance of the binary logarithms of heights of verified zones, the variance drawn to what is usual."""
     count, total, squares = label.heights
     mean = total / max(count, 1e-9)
-    spread = max(squares - count * mean**2, 0.0) + p.spread_zones * p.spreads[1] ** 2
-    return mean, spread / (count + p.spread_zones)
+    spread = max(squares - count * mean**2, 0.0) + USUAL_ZONES * SPREAD**2
+    return mean, spread / (count + USUAL_ZONES)

@@ -6,8 +6,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.graph.font_sizes import LINE_HEIGHT
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Box, Page, Zone
+
+REACH_ALONG = 3.2
+"""Largest gap of neighbours down the page: pieces are no farther apart than lines in double spacing."""
+_REACH_ACROSS = 8.0
+"""Largest gap of neighbours in a row: a logo and the address to its right."""
+_FOREIGN_SHARE = 0.3
+"""Two zones are no neighbours if a zone with another label lies by more than this share between them."""
+_MOST_STEP = 0.7
+"""Larger values of the features count as these: steps of size and weight (natural logarithms), ..."""
+_MOST_EDGE = 10.0
+"""... distances of edges and centres, ..."""
+_MOST_PITCH = 8.0
+"""... and the gap over the space between the lines of the pieces."""
+_USUAL_PITCH = 2.0
+"""Assumed where neither piece has two lines."""
+
 
 Values = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -35,32 +52,6 @@ PAIR_WEIGHTS = (-1.311, -0.296, -0.1, 2.013, -0.568, 0.05, 0.346, -0.338, -0.955
 MOST_ZONES = 300
 """Zones of pages with more are not put together: looking for pairs takes time with the square of their number. A
 crowded page of print has 100."""
-
-
-@dataclass(frozen=True, slots=True)
-class PairParameters:
-    """Lengths in ems of the page's print."""
-
-    reach_along: float = 3.2
-    """Largest gap of neighbours down the page: pieces are no farther apart than lines in double spacing."""
-    reach_across: float = 8.0
-    """Largest gap of neighbours in a row: a logo and the address to its right."""
-    foreign_share: float = 0.3
-    """Two zones are no neighbours if a zone with another label lies by more than this share between them."""
-    most_gap: float = 3.0
-    """Larger values of the features count as these: gaps along ..."""
-    most_gap_across: float = 6.0
-    """... and across,"""
-    most_step: float = 0.7
-    """steps of size and weight (natural logarithms),"""
-    most_edge: float = 10.0
-    """distances of edges and centres,"""
-    most_pitch: float = 8.0
-    """and the gap over the space between the lines of the pieces."""
-    usual_pitch: float = 2.0
-    """Assumed where neither piece has two lines."""
-    line_height: float = 0.9
-    """Height of a line's ink over its em."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +101,7 @@ class Pieces:
 
 def describe_pieces(zones: Sequence[Zone], em: float) -> tuple[Pieces, list[str]]:
     """The zones as pieces, and the labels by their numbers; `em` of the page's print in pixels."""
-    p = PairParameters()
+
     named = list(dict.fromkeys(zone.label for zone in zones if zone.label is not None))
     number = {label: place for place, label in enumerate(named)}
 
@@ -124,7 +115,7 @@ def describe_pieces(zones: Sequence[Zone], em: float) -> tuple[Pieces, list[str]
         weights=np.log(known([zone.weight or None for zone in zones])),
         spaces=known(
             [
-                zone.line_spacing / em - p.line_height * (zone.font_size or em) / em
+                zone.line_spacing / em - LINE_HEIGHT * (zone.font_size or em) / em
                 if zone.line_spacing and (zone.lines or 0) > 1
                 else None
                 for zone in zones
@@ -148,15 +139,15 @@ def are_neighbours(pieces: Pieces, first: Places, second: Places, zones: Pieces)
 
     Rules and noise lie between no pieces.
     """
-    p = PairParameters()
+
     a, b = pieces.boxes[first], pieces.boxes[second]
     gaps = np.maximum(np.maximum(a[:, :2] - b[:, 2:], b[:, :2] - a[:, 2:]), 0.0)
     near: NDArray[np.bool_] = (
         (first != second)
         & (pieces.labels[first] == pieces.labels[second])
         & (pieces.labels[first] >= 0)
-        & (gaps[:, 0] <= p.reach_across)
-        & (gaps[:, 1] <= p.reach_along)
+        & (gaps[:, 0] <= _REACH_ACROSS)
+        & (gaps[:, 1] <= REACH_ALONG)
     )
     found = np.flatnonzero(near)
     solid = np.flatnonzero(zones.solid)
@@ -167,13 +158,13 @@ def are_neighbours(pieces: Pieces, first: Places, second: Places, zones: Pieces)
         areas = np.maximum(np.prod(boxes[:, 2:] - boxes[:, :2], axis=1), 1e-9)
         inside = np.prod(np.maximum(sides, 0.0), axis=2) / areas
         foreign = zones.labels[solid] != pieces.labels[first[found], None]
-        near[found] = ~np.any(foreign & (inside > p.foreign_share), axis=1)
+        near[found] = ~np.any(foreign & (inside > _FOREIGN_SHARE), axis=1)
     return near
 
 
 def pair_features(pieces: Pieces, first: Places, second: Places) -> Values:
     """`PAIR_FEATURES` (P, 11) of pairs of pieces, each in any order."""
-    p = PairParameters()
+
     is_upper = pieces.boxes[first, 1] <= pieces.boxes[second, 1]
     upper, lower = np.where(is_upper, first, second), np.where(is_upper, second, first)
     a, b = pieces.boxes[upper], pieces.boxes[lower]
@@ -182,18 +173,18 @@ def pair_features(pieces: Pieces, first: Places, second: Places) -> Values:
     left, right = np.abs(a[:, 0] - b[:, 0]), np.abs(a[:, 2] - b[:, 2])
     centres = np.abs(a[:, 0] + a[:, 2] - b[:, 0] - b[:, 2]) / 2
     space = np.fmin(pieces.spaces[upper], pieces.spaces[lower])
-    pitch = np.where(np.isfinite(space), along / np.maximum(np.nan_to_num(space), 0.15), p.usual_pitch)
+    pitch = np.where(np.isfinite(space), along / np.maximum(np.nan_to_num(space), 0.15), _USUAL_PITCH)
 
     def edges(distances: Values) -> Values:
-        return np.asarray(np.log1p(np.minimum(distances, p.most_edge)))
+        return np.asarray(np.log1p(np.minimum(distances, _MOST_EDGE)))
 
     def step(values: Values) -> Values:
-        return np.asarray(np.nan_to_num(np.minimum(np.abs(values[upper] - values[lower]), p.most_step)))
+        return np.asarray(np.nan_to_num(np.minimum(np.abs(values[upper] - values[lower]), _MOST_STEP)))
 
     return np.column_stack(
         [
-            np.minimum(along, p.most_gap),
-            np.minimum(across, p.most_gap_across),
+            along,
+            across,
             step(pieces.sizes),
             step(pieces.weights),
             edges(np.minimum(np.minimum(left, right), centres)),
@@ -201,7 +192,7 @@ def pair_features(pieces: Pieces, first: Places, second: Places) -> Values:
             edges(left),
             pieces.others[upper].astype(float) + pieces.others[lower],
             np.log(np.maximum(np.maximum(pieces.lines[upper], pieces.lines[lower]), 1.0)),
-            np.log1p(np.minimum(pitch, p.most_pitch)),
+            np.log1p(np.minimum(pitch, _MOST_PITCH)),
             np.ones(len(first)),
         ]
     )

@@ -1,4 +1,6 @@
-"""The tree of joins of a page: neighbours put together, the most probable pair first, down to a bound."""
+"""The tree of joins of a page: neighbours put together, the most probable pair first.
+
+Most of the tree is not used in the end: what a whole zone is like decides how far up the joins go (`joining`)."""
 
 import heapq
 from collections.abc import Sequence
@@ -8,10 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.grouping.piece_pairs import Pieces, Places, Values, are_neighbours, pair_features
-
-LEAST_ODDS = -3.5
-"""Log odds of a pair below which pieces are never put together. Most of the tree is not used in the end: what a whole
-zone is like decides how far up the joins go (`joining`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,8 +60,7 @@ def grow_tree(pieces: Pieces, joining: Values, weights: Sequence[float]) -> Piec
         np.maximum.at(offered, first, odds)
         np.maximum.at(offered, second, odds)
         for each, a, b in zip(odds.tolist(), first.tolist(), second.tolist(), strict=True):
-            if each >= LEAST_ODDS:
-                heapq.heappush(queue, (-each, a, b))
+            heapq.heappush(queue, (-each, a, b))
 
     offer(*np.triu_indices(count, 1))
     while queue:

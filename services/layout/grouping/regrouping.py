@@ -17,14 +17,14 @@ from scipy.special import expit
 from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import build_graph
 from services.layout.grouping.joined_page import number_zones
-from services.layout.grouping.piece_pairs import print_size
+from services.layout.grouping.piece_pairs import REACH_ALONG, print_size
 from services.layout.grouping.regrouping_odds import (
     cut_log_odds,
     join_log_odds,
     measure_space,
     merged_log_odds,
 )
-from services.layout.matching import MatchingParameters, conditional_costs, match_directly
+from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.layout_model import LayoutModel
@@ -32,29 +32,14 @@ from services.layout.page import Page
 from services.layout.segmentation import FinePage, text_zone, with_appearance
 from services.layout.segmentation.measures import SAME_ROW
 
+_MOST_HYPOTHESES = 8
+"""Of a page, cuts and joins in turns; no more are made, either."""
+_MOST_PAIRS = 3500
+"""Pairs of zones in all hypotheses together, which take the time: four hypotheses of a page of 40 zones."""
+
+
 Lines = tuple[tuple[int, ...], ...]
 """Indices of the lines of every zone of a page, from the top down; none for a zone that is no text."""
-
-_LOCAL = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""Hypotheses are compared by local search; the page that is kept is then searched in full."""
-
-
-@dataclass(frozen=True, slots=True)
-class RegroupingParameters:
-    """How many other groupings are tried, and how probable they must be."""
-
-    least_cut_odds: float = 4.0
-    """Log odds among spaces of which as many are cuts as not. Few zones are wrongly whole: one space in a hundred."""
-    least_join_odds: float = 2.0
-    """Log odds of a join: a wrong one hides two right zones, a missing one leaves two pieces."""
-    most_gap: float = 2.5
-    """Largest gap of neighbours that may be one zone, in ems of the page's print."""
-    most_hypotheses: int = 8
-    """Of a page, cuts and joins in turns."""
-    most_pairs: float = 3500
-    """Pairs of zones in all hypotheses together, which take the time: four hypotheses of a page of 40 zones."""
-    most_changes: int = 4
-    """Of a page."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +74,6 @@ def regroup_page(
     lines: Lines,
     model: LayoutModel,
     features: ContentFeatures,
-    parameters: RegroupingParameters = RegroupingParameters(),
 ) -> tuple[Page, Lines, tuple[float | None, ...]]:
     """The page with the grouping of its lines that `model` explains best of a few, and the lines of its zones.
 
@@ -109,14 +93,14 @@ def regroup_page(
     The same page and lines where nothing changes; else zones in reading order, ids "z1", "z2" ... For each zone the
     probability, 0-1, that it should have been cut, where the samples have its label merged with others; else None.
     """
-    most = min(parameters.most_hypotheses, int(parameters.most_pairs / max(1, len(page.zones) ** 2 / 2)))
+    most = min(_MOST_HYPOTHESES, int(_MOST_PAIRS / max(1, len(page.zones) ** 2 / 2)))
     if most < 1 or not page.zones:
         return page, lines, (None,) * len(page.zones)
-    class_ = _Class(fine, model, features.in_language_of(page), parameters)
+    class_ = _Class(fine, model, features.in_language_of(page))
     current = class_.match(page, lines)
     hypotheses = class_.likely_changes(current)[:most]
     doubts: dict[tuple[int, ...], float] = {}
-    for _ in range(parameters.most_changes):
+    for _ in range(_MOST_HYPOTHESES):
         tried = [(*class_.judge(current, each), each) for each in hypotheses]
         for odds, _, each in tried:
             if each.at is not None and class_.log_odds_of_merging(current, each.lines):
@@ -143,13 +127,12 @@ class _Class:
     fine: FinePage
     model: LayoutModel
     features: ContentFeatures
-    parameters: RegroupingParameters
 
     def match(self, page: Page, lines: Lines) -> _Matched:
         """The page with its labels of least cost."""
         graph = build_graph(page, self.features.names)
         tables = build_cost_tables(graph, compile_model(self.model, graph.content_names))
-        found = match_directly(tables, _LOCAL)
+        found = match_directly(tables, NO_PROOF)
         own = tables.node[np.arange(tables.zones), found.labels]
         return _Matched(page, lines, found.labels, found.cost, own, conditional_costs(tables, found.labels))
 
@@ -169,14 +152,14 @@ class _Class:
         changed = self.changed(current, change)
         gain = current.cost - changed.cost
         if change.at is None:
-            return join_log_odds(gain, change.space) - self.parameters.least_join_odds, changed
+            return join_log_odds(gain, change.space), changed
         upper, lower = changed.labels[-2:]
         apart = min(changed.conditional[-2, lower], changed.conditional[-1, upper]) - changed.cost
         if upper == lower:
             return -np.inf, changed
         mean = current.cost / len(current.lines)
         odds = cut_log_odds(gain, mean, apart, change.space) + self._learned(int(upper), int(lower))
-        return odds - self.parameters.least_cut_odds, changed
+        return odds, changed
 
     def has_rival(self, current: _Matched, changed: _Matched, change: _Change) -> bool:
         """Whether one of two zones to be joined rather belongs to a neighbour of its own label: that costs less.
@@ -185,7 +168,7 @@ class _Class:
         """
         if change.at is not None:
             return False
-        joins = _joins(self.fine, current, self.parameters, same_label=True)
+        joins = _joins(self.fine, current, same_label=True)
         rivals = (each for each in joins if set(each.old).intersection(change.old))
         return any(self.changed(current, each).cost < changed.cost for each in rivals)
 
@@ -200,7 +183,7 @@ class _Class:
             learned = self.log_odds_of_merging(current, change.lines)
             return cut_log_odds(given_up, 0.0, 0.0, change.space) + learned
 
-        joins = sorted(_joins(self.fine, current, self.parameters), key=odds, reverse=True)
+        joins = sorted(_joins(self.fine, current), key=odds, reverse=True)
         cuts = sorted(_cuts(self.fine, current), key=odds, reverse=True)
         return [each for turn in zip_longest(cuts, joins) for each in turn if each is not None]
 
@@ -213,9 +196,7 @@ class _Class:
         return merged_log_odds([node.pieces for node in nodes if node.label is not None])
 
 
-def _joins(
-    fine: FinePage, current: _Matched, parameters: RegroupingParameters, *, same_label: bool = False
-) -> Iterator[_Change]:
+def _joins(fine: FinePage, current: _Matched, *, same_label: bool = False) -> Iterator[_Change]:
     """Neighbours, one above the other, with different labels; with `same_label`, with one."""
     em = print_size(current.page)
     text = [place for place, own in enumerate(current.lines) if own]
@@ -224,7 +205,7 @@ def _joins(
         if (
             (current.labels[upper] == current.labels[lower]) == same_label
             and a[1] <= b[1]
-            and -em < b[1] - a[3] < parameters.most_gap * em
+            and -em < b[1] - a[3] < REACH_ALONG * em
             and min(a[2], b[2]) > max(a[0], b[0])
         ):
             old = current.lines[upper], current.lines[lower]

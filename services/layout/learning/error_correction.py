@@ -6,7 +6,7 @@ moves towards the right zones and its weight falls. One that favours the right l
 Either way the sum of D over attributes, which is C(h*) - C(h), becomes smaller: C'(h*) - C'(h) < C(h*) - C(h).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,20 +19,15 @@ from services.layout.learning.slopes import cost_slopes
 from services.layout.model.compiled_model import SUREST, CompiledModel
 from services.layout.model.cost import node_terms
 
+_RATE = 0.1
+"""Share by which values move and weights change, and units by which costs of look-up tables do."""
+_MOST = 100.0
+"""Largest weight, and largest cost of a descriptor, after repeated increases."""
+_HALVINGS = 4
+"""Number of halvings of a step that does not reduce D."""
+
+
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class CorrectionParameters:
-    """The dissertation gives no values. Of the rates 0.03, 0.1 and 0.3, 0.1 learned fastest without divergence."""
-
-    rate: float = 0.1
-    """Share by which values move and weights change, and units by which costs of look-up tables do."""
-    most_weight: float = 100.0
-    most_cost: float = 100.0
-    """Largest cost of a descriptor after repeated increases."""
-    halvings: int = 4
-    """Number of halvings of a step that does not reduce D."""
 
 
 def correct_errors(
@@ -42,20 +37,20 @@ def correct_errors(
 
     C(h*) - C(h) is less under the new model wherever the two differ.
     """
-    p = CorrectionParameters()
+
     if np.array_equal(truth, found):
         return model
     side = _sides(truth, found, len(model.labels))
-    model = _move_expectations(model, graph, side, p)
+    model = _move_expectations(model, graph, side)
     favour = _favour(model, graph, side)
-    factor = np.where(favour > 0, 1 - p.rate, np.where(favour < 0, 1 + p.rate, 1.0))
+    factor = np.where(favour > 0, 1 - _RATE, np.where(favour < 0, 1 + _RATE, 1.0))
     slopes = cost_slopes(graph, model, truth) - cost_slopes(graph, model, found)
     return replace(
         model,
-        weights=np.minimum(model.weights * factor, np.maximum(model.weights, p.most_weight)),
-        label_costs=model.label_costs - p.rate * np.sign(slopes.label_costs),
-        relations=_correct_tables(model.relations, slopes.relations, p),
-        counts=model.counts - p.rate * np.sign(slopes.counts),
+        weights=np.minimum(model.weights * factor, np.maximum(model.weights, _MOST)),
+        label_costs=model.label_costs - _RATE * np.sign(slopes.label_costs),
+        relations=_correct_tables(model.relations, slopes.relations),
+        counts=model.counts - _RATE * np.sign(slopes.counts),
     )
 
 
@@ -75,9 +70,7 @@ def _favour(model: CompiledModel, graph: LayoutGraph, side: Array) -> Array:
     return np.asarray(np.einsum("nl,nlk->lk", side, terms)[:, :-1])
 
 
-def _move_expectations(
-    model: CompiledModel, graph: LayoutGraph, side: Array, parameters: CorrectionParameters
-) -> CompiledModel:
+def _move_expectations(model: CompiledModel, graph: LayoutGraph, side: Array) -> CompiledModel:
     """The model with typical values moved towards those of the right zones where D > 0; content as in 5.6.2.
 
     A step that does not reduce D is halved, at most `halvings` times, and then left out.
@@ -88,9 +81,9 @@ def _move_expectations(
     towards = _mean(right, graph.numeric) - model.values
     expected = _mean(right, graph.content) - _mean(wrong, graph.content)
     step = np.nan_to_num(np.hstack([np.where(favour[:, :attributes] > 0, towards, 0.0), expected]))
-    rate = np.full(step.shape, parameters.rate)
+    rate = np.full(step.shape, _RATE)
     values, content = model.values, model.content
-    for _ in range(parameters.halvings):
+    for _ in range(_HALVINGS):
         moved = replace(
             model,
             values=model.values + (rate * step)[:, :attributes],
@@ -111,10 +104,10 @@ def _mean(member: NDArray[np.bool_], values: Array) -> Array:
         return np.asarray((member.T @ np.where(known, values, 0.0)) / (member.T.astype(np.float64) @ known))
 
 
-def _correct_tables(relations: Array, slopes: Array, parameters: CorrectionParameters) -> Array:
+def _correct_tables(relations: Array, slopes: Array) -> Array:
     """Look-up tables: more weight to those that favour the right labelling, else its descriptors become cheaper."""
-    corrected, rate = relations.copy(), parameters.rate
-    most = np.maximum(np.abs(relations), parameters.most_cost)
+    corrected, rate = relations.copy(), _RATE
+    most = np.maximum(np.abs(relations), _MOST)
     for start, end in pairwise(RELATION_OFFSETS):
         table, slope = relations[:, :, start:end], slopes[:, :, start:end]
         favours_right = ((table * slope).sum(axis=2) < 0)[:, :, None]

@@ -11,7 +11,7 @@ from services.layout.learning.class_decisions import accept_page, count_cost, pr
 from services.layout.learning.label_transfer import come_apart, transfer_labels
 from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.learning.learners import learn_page
-from services.layout.matching import MatchingParameters, match_directly
+from services.layout.matching import NO_PROOF, MatchingParameters, match_directly
 from services.layout.model.compiled_model import CompiledModel, compile_model
 from services.layout.model.cost import build_cost_tables, labelling_cost
 from services.layout.model.layout_model import Calibration, LayoutModel
@@ -22,8 +22,6 @@ from services.layout.recognition.page_recognition import comparable_cost
 
 Labels = tuple[str | None, ...]
 
-_QUICK = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""For costs by which classes are compared: a proof takes time and changes them little, as in initialization."""
 _FORBIDDEN = 1e6
 """Cost of a label that a person has excluded: more than all other costs of a page."""
 
@@ -201,5 +199,5 @@ def _cost(graph: LayoutGraph, model: _CalibratedModel, labels: Labels) -> float 
 
 def _least_cost(graph: LayoutGraph, model: CompiledModel) -> float:
     """Least cost a zone of the page, by which classes are compared."""
-    matching = match_directly(build_cost_tables(graph, model), _QUICK)
+    matching = match_directly(build_cost_tables(graph, model), NO_PROOF)
     return comparable_cost(graph, model, matching.labels) / max(1, graph.zones)

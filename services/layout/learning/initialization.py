@@ -19,7 +19,7 @@ from services.layout.graph.layout_graph import build_graph
 from services.layout.learning.label_transfer import come_apart
 from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.learning.over_segmentation import over_segment
-from services.layout.matching import MatchingParameters, match_directly
+from services.layout.matching import NO_PROOF, match_directly
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
@@ -42,10 +42,6 @@ MOST_HELD_OUT = 40
 MOST_MATCHED = 2e8
 """Largest number of table entries of pairs for all held-out samples: 40 pages of 200 zones with 15 labels. Larger pages
 take seconds each, so that fewer are held out."""
-
-NO_PROOF = MatchingParameters(max_nodes=0, max_sweeps=0)
-"""Of held-out pages local search alone labels: means of costs change by 1 % at most, in a third to a tenth of the
-time."""
 
 
 @dataclass(frozen=True, slots=True)

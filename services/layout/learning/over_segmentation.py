@@ -1,57 +1,51 @@
 """Simulated over-segmentation of a labelled page: split zones, and additional specks and rules."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from services.layout.page import Page, Zone
 
-
-@dataclass(frozen=True, slots=True)
-class OverSegmentationParameters:
-    """Measured on title pages and letters: our own segmentation splits a tenth of the zones, more of long ones."""
-
-    cut: float = 0.3
-    """Probability of a cut in a zone of two lines. In longer zones each gap is cut less often, but more zones are
-    cut."""
-    specks: float = 1.5
-    """Specks and rules a page, on average."""
-    share_of_specks: float = 0.6
-    """Among these."""
-    most_zones: int = 500
-    """Largest number of zones after cutting; the limit matters for zones with a false number of lines."""
-    gap: float = 0.1
-    """White space on each side of a cut, as a share of the distance of lines."""
+_CUT = 0.3
+"""Probability of a cut in a zone of two lines. In longer zones each gap is cut less often, but more zones are
+cut."""
+_SPECKS = 1.5
+"""Specks and rules a page, on average."""
+_SHARE_OF_SPECKS = 0.6
+"""Among these."""
+_MOST_ZONES = 500
+"""Largest number of zones after cutting; the limit matters for zones with a false number of lines."""
+_GAP = 0.1
+"""White space on each side of a cut, as a share of the distance of lines."""
 
 
 def over_segment(
     page: Page,
     rng: np.random.Generator,
-    parameters: OverSegmentationParameters = OverSegmentationParameters(),
 ) -> Page:
     """The page with some zones of several lines cut between lines, and with specks and rules that have no label."""
     zones: list[Zone] = []
     for index, zone in enumerate(page.zones):
-        pieces = _cut(zone, rng, parameters)
-        fits = len(zones) + len(pieces) + len(page.zones) - index - 1 <= parameters.most_zones
+        pieces = _cut(zone, rng)
+        fits = len(zones) + len(pieces) + len(page.zones) - index - 1 <= _MOST_ZONES
         zones += pieces if fits else [zone]
-    for number in range(int(rng.poisson(parameters.specks))):
-        zones.append(_speck(page, f"speck-{number}", rng, parameters))
+    for number in range(int(rng.poisson(_SPECKS))):
+        zones.append(_speck(page, f"speck-{number}", rng))
     return replace(page, zones=tuple(zones))
 
 
-def _cut(zone: Zone, rng: np.random.Generator, parameters: OverSegmentationParameters) -> list[Zone]:
+def _cut(zone: Zone, rng: np.random.Generator) -> list[Zone]:
     lines = min(zone.lines or 0, 200)
     if lines < 2 or zone.kind != "text":
         return [zone]
-    chance = parameters.cut / np.sqrt(lines - 1)
+    chance = _CUT / np.sqrt(lines - 1)
     cuts = [line for line in range(1, lines) if rng.random() < chance]
     x0, y0, x1, y1 = zone.box
     pitch = (y1 - y0) / lines
     pieces = []
     for first, last in zip([0, *cuts], [*cuts, lines], strict=True):
-        top = y0 + (first + (parameters.gap if first else 0.0)) * pitch
-        bottom = y0 + (last - (parameters.gap if last < lines else 0.0)) * pitch
+        top = y0 + (first + (_GAP if first else 0.0)) * pitch
+        bottom = y0 + (last - (_GAP if last < lines else 0.0)) * pitch
         text = _lines_of(zone.text, first, last, lines)
         pieces.append(
             replace(
@@ -75,9 +69,9 @@ def _lines_of(text: str, first: int, last: int, lines: int) -> str:
     return " ".join(words[len(words) * first // lines : len(words) * last // lines])
 
 
-def _speck(page: Page, name: str, rng: np.random.Generator, parameters: OverSegmentationParameters) -> Zone:
+def _speck(page: Page, name: str, rng: np.random.Generator) -> Zone:
     x, y = rng.uniform(0.05, 0.9) * page.width, rng.uniform(0.02, 0.97) * page.height
-    if rng.random() < parameters.share_of_specks:
+    if rng.random() < _SHARE_OF_SPECKS:
         width, height = rng.uniform(0.01, 0.03) * page.width, rng.uniform(0.005, 0.02) * page.height
         return Zone(name, (x, y, x + width, y + height), kind="noise")
     width = min(rng.uniform(0.1, 0.7), 0.98 - x / page.width) * page.width

@@ -1,19 +1,14 @@
 """Zones that a person has drawn over found ones: what was measured of the found zones passes on to them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from services.layout.page import Box, Page, Zone
 
-
-@dataclass(frozen=True, slots=True)
-class RevisionParameters:
-    """When a drawn zone is a found one, and when it has a line of it."""
-
-    same_px: float = 1.0
-    """Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
-    covered: float = 0.5
-    """Least share of a line's width within the drawn zone."""
+_SAME_PX = 1.0
+"""Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
+_COVERED = 0.5
+"""Least share of a line's width within the drawn zone."""
 
 
 def revise_zones(page: Page, drawn: Page) -> Page:
@@ -30,20 +25,18 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     drawn
         The page with the person's zones and labels.
     """
-    return replace(
-        drawn, zones=tuple(_revised(zone, page.zones, RevisionParameters()) for zone in drawn.zones)
-    )
+    return replace(drawn, zones=tuple(_revised(zone, page.zones) for zone in drawn.zones))
 
 
-def _revised(drawn: Zone, found: Sequence[Zone], parameters: RevisionParameters) -> Zone:
+def _revised(drawn: Zone, found: Sequence[Zone]) -> Zone:
     under = [(zone, area) for zone in found if (area := _common_area(zone.box, drawn.box)) > 0]
     for zone, _ in under:
-        if max(abs(a - b) for a, b in zip(zone.box, drawn.box, strict=True)) <= parameters.same_px:
+        if max(abs(a - b) for a, b in zip(zone.box, drawn.box, strict=True)) <= _SAME_PX:
             return _with_given(replace(zone, id=drawn.id, label=drawn.label), drawn)
     if not under:
         return drawn
     largest = max(under, key=lambda each: each[1])[0]
-    lines = [line for zone, _ in under for line in _lines_within(zone, drawn.box, parameters)]
+    lines = [line for zone, _ in under for line in _lines_within(zone, drawn.box)]
     measured = Zone(
         id=drawn.id,
         box=drawn.box,
@@ -74,10 +67,10 @@ def _with_given(measured: Zone, drawn: Zone) -> Zone:
     return replace(measured, **given)
 
 
-def _lines_within(zone: Zone, box: Box, parameters: RevisionParameters) -> list[str]:
+def _lines_within(zone: Zone, box: Box) -> list[str]:
     """The lines of a found zone whose middle lies in a box; the zone's height is divided among its lines equally."""
     x0, y0, x1, y1 = zone.box
-    if min(x1, box[2]) - max(x0, box[0]) < parameters.covered * (x1 - x0):
+    if min(x1, box[2]) - max(x0, box[0]) < _COVERED * (x1 - x0):
         return []
     texts = zone.text.split("\n") if zone.text else []
     count = zone.lines or len(texts) or 1

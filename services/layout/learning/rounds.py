@@ -1,7 +1,6 @@
 """Rounds of training (5.6.1): every round learns from all verified pages in the same order."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from services.contract.answers.learning import Round
 from services.contract.layout_learning import Learner, Stop, TrainingReport
@@ -9,22 +8,18 @@ from services.layout.learning.learners import correct_page, wrong_zones
 from services.layout.model.learning_model import LearningModel, with_labels
 from services.layout.model.statistics import LabelledGraph
 
+_FOLDS = 5
+"""Folds of the cross-validation. Each takes as long as the training itself."""
+_MOST_EFFORT = 6e9
+"""Entries of tables of pairs in all: about a minute. Of very many or large pages fewer parts are held out in turn,
+so that there is time for `FEWEST_ROUNDS`, and rounds end when it is spent."""
+_PATIENCE = 2
+"""Rounds in a row that may leave more errors on held-out pages than the best round before; errors are few, so
+that one more may be chance."""
+
+
 BeginModel = Callable[[Sequence[int]], LearningModel]
 """(indices of samples) -> the model at round 0 that has seen these samples alone."""
-
-
-@dataclass(frozen=True, slots=True)
-class RoundParameters:
-    """When training stops by itself."""
-
-    folds: int = 5
-    """Folds of the cross-validation. Each takes as long as the training itself."""
-    most_effort: float = 6e9
-    """Entries of tables of pairs in all: about a minute. Of very many or large pages fewer parts are held out in turn,
-    so that there is time for `FEWEST_ROUNDS`, and rounds end when it is spent."""
-    patience: int = 2
-    """Rounds in a row that may leave more errors on held-out pages than the best round before; errors are few, so
-    that one more may be chance."""
 
 
 FEWEST_ROUNDS = 3
@@ -38,7 +33,6 @@ def run_rounds(
     pages: Sequence[Sequence[LabelledGraph]],
     rounds: int,
     learner: Learner,
-    parameters: RoundParameters = RoundParameters(),
     report: Callable[[float], None] = lambda share: None,
     *,
     hold_out: bool = True,
@@ -52,9 +46,9 @@ def run_rounds(
     nothing, or when `most_effort` is spent. `report` is called with the share of the work that is done.
     """
     every = range(len(pages))
-    folds = min(parameters.folds, len(pages)) if hold_out and len(pages) > 1 else 0
+    folds = min(_FOLDS, len(pages)) if hold_out and len(pages) > 1 else 0
     effort = [sum(_effort(view) for view in views) for views in pages]
-    room = parameters.most_effort / FEWEST_ROUNDS / max(sum(effort), LEAST_EFFORT) - 1
+    room = _MOST_EFFORT / FEWEST_ROUNDS / max(sum(effort), LEAST_EFFORT) - 1
     in_turn = folds if room >= folds else max(min(folds, 1), int(room))
     held_out = [[index for index in every if index % folds == part] for part in range(in_turn)]
     fold_models = [
@@ -87,10 +81,10 @@ def run_rounds(
         if number and not changed:
             stopped = "no-change" if wrong else "no-errors"
             break
-        if number - kept >= parameters.patience and held > errors[kept][0]:
+        if number - kept >= _PATIENCE and held > errors[kept][0]:
             stopped = "held-out"
             break
-        if number and (number + 1) * of_round > parameters.most_effort and number < rounds:
+        if number and (number + 1) * of_round > _MOST_EFFORT and number < rounds:
             stopped = "effort"
             break
     return kept_model, TrainingReport(tuple(history), kept, stopped)

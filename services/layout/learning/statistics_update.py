@@ -4,7 +4,7 @@ After updates with several pages a model equals the model that initialization ma
 Earlier pages are not needed. Learner "counting" of the HTTP contract does this alone.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,29 +13,24 @@ from services.layout.model.compiled_model import SUREST, CompiledModel
 from services.layout.model.estimation import estimate_model
 from services.layout.model.learning_model import LearningModel, with_labels
 from services.layout.model.scale_fitting import (
-    ScaleFittingParameters,
+    PRIOR_WEIGHT,
     conditional_terms,
     negative_log_likelihood,
 )
 from services.layout.model.scale_fitting import scale_certainty as certainty_of
 from services.layout.model.statistics import LabelledGraph, LabelStatistics, label_indices, sample_statistics
 
-
-@dataclass(frozen=True, slots=True)
-class StatisticsUpdateParameters:
-    """Defaults were measured on streams of title pages and letters, from models of 1 and 3 samples."""
-
-    most_pages: float = 200.0
-    """Largest number of pages in the sums. Beyond it older pages lose weight, so that a class may change (5.7)."""
-    scale_rate: float = 0.5
-    """Share of the Newton step to the scales under which the page's labels are most probable; whole steps overshoot."""
+MOST_PAGES = 200.0
+"""Largest number of pages in the sums. Beyond it older pages lose weight, so that a class may change (5.7)."""
+SCALE_RATE = 0.5
+"""Share of the Newton step to the scales under which the page's labels are most probable; whole steps overshoot."""
 
 
 def update_statistics(
     learned: LearningModel,
     page: LabelledGraph,
-    parameters: StatisticsUpdateParameters = StatisticsUpdateParameters(),
     found: LabelledGraph | None = None,
+    scale_rate: float = SCALE_RATE,
 ) -> LearningModel:
     """The model after one more page; new labels become nodes. `found` is a second view of the same page.
 
@@ -44,8 +39,8 @@ def update_statistics(
     the model's costs and their estimate, which were learned from errors, stay.
     """
     learned = with_labels(learned, page.labels)
-    scales, certainty = _step_scales(learned, page, parameters)
-    kept = min(1.0, (parameters.most_pages - 1) / max(1.0, float(learned.statistics.pages[0])))
+    scales, certainty = _step_scales(learned, page, scale_rate)
+    kept = min(1.0, (MOST_PAGES - 1) / max(1.0, float(learned.statistics.pages[0])))
     views = [page] if found is None else [page, found]
     statistics = _faded(learned.statistics, kept) + sample_statistics(views, learned.labels)
     before = estimate_model(learned.statistics, learned.labels, scales)
@@ -95,7 +90,7 @@ def _faded(statistics: LabelStatistics, kept: float) -> LabelStatistics:
 
 
 def _step_scales(
-    learned: LearningModel, page: LabelledGraph, parameters: StatisticsUpdateParameters
+    learned: LearningModel, page: LabelledGraph, scale_rate: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Scales after the page and their certainty with it."""
     scales = learned.model.scales
@@ -105,5 +100,5 @@ def _step_scales(
     terms = conditional_terms(page, learned.model, truth)
     _, slope = negative_log_likelihood(scales, terms, truth, scales, 0.0)
     certainty = learned.certainty + certainty_of(scales, terms)
-    step = parameters.scale_rate * slope / (ScaleFittingParameters().prior_weight + certainty)
+    step = scale_rate * slope / (PRIOR_WEIGHT + certainty)
     return np.maximum(scales - step, 0.0), certainty

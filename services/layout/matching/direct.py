@@ -10,10 +10,8 @@ from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.matching.dual_ascent import DualAscent
 from services.layout.matching.labelling import Labels, Neighbours
 from services.layout.matching.local_search import improve, starts
-from services.layout.matching.parameters import MatchingParameters
+from services.layout.matching.parameters import LEAST_GAIN, MatchingParameters
 
-_TOLERANCE = 1e-10
-"""Relative tolerance: costs with a smaller difference are equal."""
 _FEW = 0.7
 """The problem is reduced when at most this share of its labels remains, since passes are then faster."""
 
@@ -77,7 +75,7 @@ class _Found:
 
     @property
     def tolerance(self) -> float:
-        return _TOLERANCE * (1.0 + abs(self.cost))
+        return LEAST_GAIN * (1.0 + abs(self.cost))
 
     def offer(self, start: Labels, *, groups: bool = False) -> None:
         """Improve `start` by local search, once, and keep what is better."""

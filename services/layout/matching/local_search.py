@@ -4,9 +4,8 @@ import numpy as np
 
 from services.layout.matching.cost_tables import CostTables
 from services.layout.matching.labelling import Floats, Labelling, Labels, Neighbours
+from services.layout.matching.parameters import LEAST_GAIN
 
-_LEAST_GAIN = 1e-10
-"""Relative to the costs. Smaller gains are rounding errors and could cause endless loops."""
 _MOVES_PER_ZONE = 8
 """Of single zones in one descent; more than any page needed, so that no descent is endless."""
 
@@ -75,7 +74,7 @@ def improve(
     tables: CostTables, neighbours: Neighbours, start: Labels, *, groups: bool = True
 ) -> tuple[Labels, float]:
     """A labelling that no single change and no exchange makes better, nor (`groups`) a group's change; its cost."""
-    least_gain = _LEAST_GAIN * (1.0 + abs(tables.cost(start)))
+    least_gain = LEAST_GAIN * (1.0 + abs(tables.cost(start)))
     state = Labelling(tables, neighbours, start)
     for _ in range(4 * tables.zones):
         descend(state, least_gain)

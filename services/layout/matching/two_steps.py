@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.matching.direct import match_directly
 from services.layout.matching.labelling import Floats, Labelling, Labels, Neighbours
-from services.layout.matching.parameters import MatchingParameters
+from services.layout.matching.parameters import LEAST_GAIN, MatchingParameters
 
-_LEAST_GAIN = 1e-10
-"""Relative to the cost; smaller gains are rounding."""
 _LEFT_OVER = 0.05
 """Of one and of what a label gains over null: the cost of being grouped later. The zone that a label fits best is the
 backbone's then, and the others of its group are left over."""
@@ -80,7 +78,7 @@ def _without_doubles(tables: CostTables, labels: Labels) -> Labels:
 def _group(tables: CostTables, boxes: Floats, labels: Labels, manhattan: bool) -> Labels:
     """The zones of null join the groups of the labels in use, the greatest gain first."""
     state = Labelling(tables, Neighbours(tables), labels)
-    least_gain = _LEAST_GAIN * (1.0 + abs(tables.cost(labels)))
+    least_gain = LEAST_GAIN * (1.0 + abs(tables.cost(labels)))
     used = np.unique(labels[labels > 0])
     blocked = np.ones((tables.zones, tables.labels), bool)
     for label in used:

@@ -1,7 +1,7 @@
 """From the statistics of a class to its model (5.6.1): means, weights, look-up tables, expectations."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 
 import numpy as np
@@ -25,49 +25,40 @@ from services.layout.model.layout_model import (
 )
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
 
-
-@dataclass(frozen=True, slots=True)
-class EstimationParameters:
-    """Prior values of the estimates; a weight is the number of zones or pages that the prior counts as."""
-
-    spread_weight: float = 2.0
-    """Of an attribute's usual spread within a component, against the variance seen."""
-    content_weight: float = 1.0
-    """Of a content feature's frequency over all zones, against that in the component."""
-    content_range: tuple[float, float] = (0.003, 0.997)
-    """Range of expectation values: a feature that never occurred may still occur."""
-    relation_weight: float = 2.0
-    """Of a descriptor's frequency over all pairs, against that of the pair of components."""
-    count_weight: float = 0.5
-    """Of the usual numbers of zones of a component on a page: none as often as any, one as often as all more."""
-    label_weight: float = 0.5
-    """Added to every component's number of zones."""
+_USUAL_WEIGHT = 2.0
+"""Of an attribute's usual spread within a component, against the variance seen, and of a descriptor's frequency over
+all pairs, against that of the pair of components."""
+_CONTENT_WEIGHT = 1.0
+"""Of a content feature's frequency over all zones, against that in the component."""
+CONTENT_RANGE = (0.003, 0.997)
+"""Range of expectation values: a feature that never occurred may still occur."""
+_COUNT_WEIGHT = 0.5
+"""Added to every component's number of zones, as by Jeffreys' prior, and weight of the usual numbers of zones of one
+on a page: none as often as any, one as often as all more."""
 
 
 def estimate_model(
     statistics: LabelStatistics, labels: Sequence[str | None], scales: NDArray[np.float64]
 ) -> CompiledModel:
     """Means, variances, look-up tables and expectations of `statistics` over pages with `labels`."""
-    p = EstimationParameters()
-    values, variances = _estimate_numeric(statistics, p)
+
+    values, variances = _estimate_numeric(statistics)
     return CompiledModel(
         labels=tuple(labels),
         values=values,
         variances=variances,
-        content=_estimate_content(statistics, p),
+        content=_estimate_content(statistics),
         weights=np.ones((len(labels), values.shape[1] + statistics.content.shape[1])),
         label_costs=-np.log(
-            (statistics.zones + p.label_weight) / (statistics.zones.sum() + p.label_weight * len(labels))
+            (statistics.zones + _COUNT_WEIGHT) / (statistics.zones.sum() + _COUNT_WEIGHT * len(labels))
         ),
-        relations=_estimate_relations(statistics, p),
-        counts=_estimate_counts(statistics, p),
+        relations=_estimate_relations(statistics),
+        counts=_estimate_counts(statistics),
         scales=scales,
     )
 
 
-def _estimate_numeric(
-    statistics: LabelStatistics, parameters: EstimationParameters
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _estimate_numeric(statistics: LabelStatistics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Means (L, A), NaN where no value is known, and variances of the next value.
 
     The variance seen is drawn to the attribute's usual one; the mean's own uncertainty is added.
@@ -77,36 +68,36 @@ def _estimate_numeric(
     with np.errstate(all="ignore"):
         mean = statistics.totals / known
         seen = np.maximum(statistics.squares / known - mean**2, 0.0)
-        weight = parameters.spread_weight
+        weight = _USUAL_WEIGHT
         variance = (known * seen + weight * usual) / (known + weight) * (1 + 1 / known)
     return np.where(known > 0, mean, np.nan), np.where(known > 0, variance, 1.0)
 
 
-def _estimate_content(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+def _estimate_content(statistics: LabelStatistics) -> NDArray[np.float64]:
     read = statistics.read
     overall = (statistics.content.sum(axis=0) + 0.05) / (read.sum(axis=0) + 0.5)
-    weight = parameters.content_weight
+    weight = _CONTENT_WEIGHT
     expected = (statistics.content + weight * overall) / (read + weight)
-    return np.where(read > 0, np.clip(expected, *parameters.content_range), np.nan)
+    return np.where(read > 0, np.clip(expected, *CONTENT_RANGE), np.nan)
 
 
-def _estimate_relations(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+def _estimate_relations(statistics: LabelStatistics) -> NDArray[np.float64]:
     costs = np.empty_like(statistics.descriptors)
     for relation, start in zip(RELATIONS, RELATION_OFFSETS[:-1], strict=True):
         columns = slice(start, start + len(relation.descriptors))
         seen = statistics.descriptors[:, :, columns]
         overall = seen.sum(axis=(0, 1)) + 1.0
         overall /= overall.sum()
-        weight = parameters.relation_weight
+        weight = _USUAL_WEIGHT
         pairs = seen.sum(axis=2, keepdims=True)
         costs[:, :, columns] = -np.log((seen + weight * overall) / (pairs + weight) / overall)
     return costs
 
 
-def _estimate_counts(statistics: LabelStatistics, parameters: EstimationParameters) -> NDArray[np.float64]:
+def _estimate_counts(statistics: LabelStatistics) -> NDArray[np.float64]:
     usual = np.full(MOST_COUNTED + 1, 0.25 / (MOST_COUNTED - 1))
     usual[:2] = 0.5, 0.25
-    weight = parameters.count_weight
+    weight = _COUNT_WEIGHT
     return np.asarray(-np.log((statistics.counts + weight * usual) / (statistics.pages + weight)))
 
 

@@ -24,32 +24,28 @@ from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
 from services.layout.model.statistics import LabelledGraph, LabelStatistics, label_indices, sample_statistics
 
+PRIOR_WEIGHT = 20.0
+"""Of the usual weights: inverse of the variance that they have between classes."""
+_MOST_SAMPLES = 200
+"""Largest number of samples, chosen evenly from all; more do not change the weights."""
+_MOST_TERMS = 2e7
+"""Costs of zones by label and attribute (8 bytes each, every iteration reads them all): 200 pages of 40 zones with
+15 labels in two views; only larger pages, or more labels, make the samples fewer."""
+_MOST_ITERATIONS = 60
+_LEAST_GAIN = 1e-6
+"""Of the cost: refitting ends where a step cannot gain more. Weights are then within 0.003 of the best."""
+FOLDS = 5
+"""Parts of the samples without which weights are fitted again. Leaving out each sample alone costs more, and a
+fifth of the samples changes weights about as much as their number does between 4 and 5, or 16 and 20."""
+_MOST_REFITTED = 40
+"""Most samples for which weights are fitted again: of more, one sample has no noticeable part in the weights."""
+
+
 _NONE = np.zeros(0, np.intp)
 _LEAST_SHARE = 1e-4
 """Of the gain that the slope promises, which a step must keep (Armijo's rule)."""
 _IMPROBABLE = 1e-3
 """Labels that are less probable than this share of the most probable one hardly change the curvature."""
-
-
-@dataclass(frozen=True, slots=True)
-class ScaleFittingParameters:
-    """Origins: measured on title pages and letters, where 8 to 50 did equally well for five samples and more."""
-
-    prior_weight: float = 20.0
-    """Of the usual weights: inverse of the variance that they have between classes."""
-    most_samples: int = 200
-    """Largest number of samples, chosen evenly from all; more do not change the weights."""
-    most_terms: float = 2e7
-    """Costs of zones by label and attribute (8 bytes each, every iteration reads them all): 200 pages of 40 zones with
-    15 labels in two views; only larger pages, or more labels, make the samples fewer."""
-    most_iterations: int = 60
-    least_gain: float = 1e-6
-    """Of the cost: refitting ends where a step cannot gain more. Weights are then within 0.003 of the best."""
-    folds: int = 5
-    """Parts of the samples without which weights are fitted again. Leaving out each sample alone costs more, and a
-    fifth of the samples changes weights about as much as their number does between 4 and 5, or 16 and 20."""
-    most_refitted: int = 40
-    """Most samples for which weights are fitted again: of more, one sample has no noticeable part in the weights."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,9 +75,8 @@ def hold_out_terms(
     samples: Sequence[Sequence[LabelledGraph]],
     total: LabelStatistics,
     labels: Sequence[str | None],
-    parameters: ScaleFittingParameters = ScaleFittingParameters(),
 ) -> HeldOutTerms:
-    """Terms of the zones of all samples, or of as many as `parameters` allow.
+    """Terms of the zones of all samples, at most `_MOST_SAMPLES`.
 
     A sample is a page in one view or several (`initialization`), all of which are held out together; `total` are the
     sums over all samples (`sample_statistics`).
@@ -90,7 +85,7 @@ def hold_out_terms(
     terms, truth, owner = [np.zeros((0, len(labels), len(usual)))], [_NONE], [_NONE]
     work = [sum(view.graph.zones for view in views) * len(labels) * len(usual) for views in samples]
     if len(samples) > 1:
-        for index in choose_evenly(work, parameters.most_samples, parameters.most_terms):
+        for index in choose_evenly(work, _MOST_SAMPLES, _MOST_TERMS):
             model = estimate_model(total - sample_statistics(samples[index], labels), labels, usual)
             for view in samples[index]:
                 given = label_indices(view.labels, labels)
@@ -102,11 +97,9 @@ def hold_out_terms(
     )
 
 
-def fit_scales(
-    held_out: HeldOutTerms, parameters: ScaleFittingParameters = ScaleFittingParameters()
-) -> FittedScales:
+def fit_scales(held_out: HeldOutTerms) -> FittedScales:
     """Weights of all attributes, in the order of `scale_names`; without zones the usual ones."""
-    scales = most_probable_scales(held_out.terms, held_out.truth, held_out.usual, parameters)
+    scales = most_probable_scales(held_out.terms, held_out.truth, held_out.usual)
     return FittedScales(scales, scale_certainty(scales, held_out.terms))
 
 
@@ -115,12 +108,12 @@ def fit_scales_without(held_out: HeldOutTerms, scales: NDArray[np.float64]) -> l
 
     Otherwise as `fit_scales`, whose weights are `scales`; one sample, and many, keep these.
     """
-    p = ScaleFittingParameters()
+
     count = held_out.samples
-    folds = min(p.folds, count)
-    if not 2 <= count <= p.most_refitted:
+    folds = min(FOLDS, count)
+    if not 2 <= count <= _MOST_REFITTED:
         return [scales] * count
-    without = list(_refitted(held_out, scales, held_out.owner % folds, p))
+    without = list(_refitted(held_out, scales, held_out.owner % folds))
     return [without[index % folds] for index in range(count)]
 
 
@@ -128,14 +121,13 @@ def _refitted(
     held_out: HeldOutTerms,
     scales: NDArray[np.float64],
     fold: NDArray[np.intp],
-    parameters: ScaleFittingParameters,
 ) -> NDArray[np.float64]:
     """Weights (F, K) most probable for the zones outside each fold; `fold` (N,) is that of each zone.
 
     Projected Newton steps from the weights of all zones, which are near: the curvature there serves for all steps, and
     one pass over the terms serves for all folds.
     """
-    terms, truth, usual, prior = held_out.terms, held_out.truth, held_out.usual, parameters.prior_weight
+    terms, truth, usual, prior = held_out.terms, held_out.truth, held_out.usual, PRIOR_WEIGHT
     parts = np.arange(fold.max() + 1)
     outside = fold != parts[:, None]
     inside = np.stack([_curvature(scales, terms[fold == part]) for part in parts])
@@ -143,13 +135,13 @@ def _refitted(
     found = np.repeat(scales[None], len(parts), axis=0)
     value, slope = _penalized(found, terms, truth, outside, usual, prior)
     length = np.ones(len(parts))
-    for _ in range(parameters.most_iterations):
+    for _ in range(_MOST_ITERATIONS):
         step = np.zeros_like(found)
         for part, free in enumerate((found > 0) | (slope < 0)):
             step[part, free] = np.linalg.solve(curvature[part][np.ix_(free, free)], slope[part, free])
         tried = np.maximum(found - length[:, None] * step, 0.0)
         expected = (slope * (found - tried)).sum(axis=1)
-        if np.all(expected < parameters.least_gain * (1.0 + value)):
+        if np.all(expected < _LEAST_GAIN * (1.0 + value)):
             break
         tried_value, tried_slope = _penalized(tried, terms, truth, outside, usual, prior)
         better = tried_value <= value - _LEAST_SHARE * expected
@@ -266,16 +258,15 @@ def most_probable_scales(
     terms: NDArray[np.float64],
     truth: NDArray[np.intp],
     usual: NDArray[np.float64],
-    parameters: ScaleFittingParameters,
 ) -> NDArray[np.float64]:
     """The scales, none negative, of least `negative_log_likelihood`."""
     fitted = minimize(
         negative_log_likelihood,
         usual,
-        args=(terms, truth, usual, parameters.prior_weight),
+        args=(terms, truth, usual, PRIOR_WEIGHT),
         jac=True,
         method="L-BFGS-B",
         bounds=[(0.0, None)] * len(usual),
-        options={"maxiter": parameters.most_iterations},
+        options={"maxiter": _MOST_ITERATIONS},
     )
     return np.asarray(fitted.x)

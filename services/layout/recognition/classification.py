@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,43 +9,39 @@ from scipy.special import expit, softmax
 
 from services.layout.model.layout_model import Calibration
 
+USUAL_MEAN = -5.5
+"""Prior mean of a class's cost a zone, between letters and title pages."""
+USUAL_DEVIATION = 0.8
+USUAL_WEIGHT = 0.5
+"""Number of pages that the prior counts as."""
+SHARE_OF_MEAN = 0.4
+"""Share of a class's mean cost that is subtracted: pages of homogeneous classes have lower costs."""
+SHARPNESS = 3.0
+"""Log odds of two classes for each unit of cost a zone; the likelihood of held-out pages is largest at 2 to 6."""
+LEAST_FIT = 0.56
+"""A page fits a class when its cost is this share of the class's mean. A missing class costs the user more than a
+class that is nearly right: of pages by models of their class 97 to 99 % are above from five samples on, of pages of
+classes that no model was made of 80 to 90 % below."""
+_LESS_BY_ZONES = 0.153
+"""By so much `least_fit` falls for each unit of the logarithm of the number of zones: the mean of many costs tells
+more. Learned by a logistic regression on the nearest classes of pages with and without their own class among the
+models (`docs/decisions/layout-classes.md`, 2026-11-24)."""
+_ZONES_BETWEEN = (20, 40)
+"""Pages of fewer or more zones count as these; `least_fit` is that of 20."""
+FIT_SHARPNESS = 15.0
+"""Log odds of fitting for each unit of that share."""
+
+
 MOST_LOG_ODDS = 300.0
 """Limit of log odds, below the overflow of the exponential."""
 
 
-@dataclass(frozen=True, slots=True)
-class ClassificationParameters:
-    """Measured on title pages, letters, memos and fax sheets by models of 1, 3 and all samples."""
-
-    usual_mean: float = -5.5
-    """Prior mean of a class's cost a zone, between letters and title pages."""
-    usual_deviation: float = 0.8
-    usual_weight: float = 0.5
-    """Number of pages that the prior counts as."""
-    share_of_mean: float = 0.4
-    """Share of a class's mean cost that is subtracted: pages of homogeneous classes have lower costs."""
-    sharpness: float = 3.0
-    """Log odds of two classes for each unit of cost a zone; the likelihood of held-out pages is largest at 2 to 6."""
-    least_fit: float = 0.56
-    """A page fits a class when its cost is this share of the class's mean. A missing class costs the user more than a
-    class that is nearly right: of pages by models of their class 97 to 99 % are above from five samples on, of pages of
-    classes that no model was made of 80 to 90 % below."""
-    less_by_zones: float = 0.153
-    """By so much `least_fit` falls for each unit of the logarithm of the number of zones: the mean of many costs tells
-    more. Learned by a logistic regression on the nearest classes of pages with and without their own class among the
-    models (`docs/decisions/layout-classes.md`, 2026-11-24)."""
-    zones_between: tuple[int, int] = (20, 40)
-    """Pages of fewer or more zones count as these; `least_fit` is that of 20."""
-    fit_sharpness: float = 15.0
-    """Log odds of fitting for each unit of that share."""
-
-
 def calibrate(costs_per_zone: Sequence[float]) -> Calibration:
     """Mean and deviation of the costs of held-out pages of a class, combined with the prior."""
-    p = ClassificationParameters()
-    costs, weight = np.asarray(costs_per_zone, dtype=np.float64), p.usual_weight
-    mean = (costs.sum() + weight * p.usual_mean) / (len(costs) + weight)
-    squares = ((costs - mean) ** 2).sum() + 2 * p.usual_deviation**2
+
+    costs, weight = np.asarray(costs_per_zone, dtype=np.float64), USUAL_WEIGHT
+    mean = (costs.sum() + weight * USUAL_MEAN) / (len(costs) + weight)
+    squares = ((costs - mean) ** 2).sum() + 2 * USUAL_DEVIATION**2
     return Calibration(float(mean), float(np.sqrt(squares / (len(costs) + 2))), len(costs))
 
 
@@ -61,20 +56,20 @@ def class_evidence(
     """
     means = np.array([calibration.mean for calibration in calibrations])
     costs_per_zone = costs_per_zone + [calibration.bias for calibration in calibrations]
-    return np.asarray(-ClassificationParameters().sharpness * excess_costs(costs_per_zone, means))
+    return np.asarray(-SHARPNESS * excess_costs(costs_per_zone, means))
 
 
 def least_fit(zones: int) -> float:
     """Share of a class's mean cost from which on a page of `zones` zones belongs to the class rather than to none."""
-    p = ClassificationParameters()
-    fewest, most = p.zones_between
-    return p.least_fit - p.less_by_zones * math.log(min(max(zones, fewest), most) / fewest)
+
+    fewest, most = _ZONES_BETWEEN
+    return LEAST_FIT - _LESS_BY_ZONES * math.log(min(max(zones, fewest), most) / fewest)
 
 
 def log_odds_of_fit(cost_per_zone: float, calibration: Calibration, zones: int) -> float:
     """Log odds that a page of `zones` zones belongs to a class rather than to none, from its cost over the mean one."""
     fit = (cost_per_zone + calibration.bias) / min(calibration.mean, -1.0)
-    odds = ClassificationParameters().fit_sharpness * (fit - least_fit(zones))
+    odds = FIT_SHARPNESS * (fit - least_fit(zones))
     # Bounded, so that the nearest class always has a higher probability than the others.
     return float(np.clip(odds, -MOST_LOG_ODDS, MOST_LOG_ODDS))
 
@@ -94,4 +89,4 @@ def classify(
 
 def excess_costs(costs_per_zone: NDArray[np.float64], means: NDArray[np.float64]) -> NDArray[np.float64]:
     """Costs a zone (M,) minus a share of the class's mean cost. The least one is the best class."""
-    return np.asarray(costs_per_zone - ClassificationParameters().share_of_mean * means)
+    return np.asarray(costs_per_zone - SHARE_OF_MEAN * means)

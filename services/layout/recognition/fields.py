@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import expit, logit
 
 from services.contract.fields import FieldSetting, FieldType, ValueProblem
-from services.layout.page import ReadWord
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.page import ZoneWord
+from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.values.typed_value import find_value, plain_text
 
 _LEAST_DOUBT = 0.005
@@ -54,7 +54,7 @@ class Field:
     that class, labels and words are right, as if these were independent. A text that came with the zones counts as
     right.
     `zones` are ids. Where no zone of the label has a value of the type, the field is of one zone that has, and whose
-    other probable labels (`LabelledZone.others`) have this one among them; its confidence is as low as that is.
+    other probable labels (`RecognizedZone.others`) have this one among them; its confidence is as low as that is.
     """
 
     label: str
@@ -79,7 +79,7 @@ def gather_fields(
 
 def _fields(recognition: Recognition, settings: Mapping[str, FieldSetting]) -> Iterator[Field]:
     read = [each for each in sorted(recognition.zones, key=lambda each: each.order) if each.zone.text.strip()]
-    by_label: dict[str, list[LabelledZone]] = {}
+    by_label: dict[str, list[RecognizedZone]] = {}
     for each in read:
         if each.label is not None:
             by_label.setdefault(each.label, []).append(each)
@@ -100,8 +100,8 @@ def _fields(recognition: Recognition, settings: Mapping[str, FieldSetting]) -> I
 
 def _field(
     label: str,
-    zones: Sequence[LabelledZone],
-    searched: Sequence[LabelledZone],
+    zones: Sequence[RecognizedZone],
+    searched: Sequence[RecognizedZone],
     setting: FieldSetting,
     of_class: float,
 ) -> Field:
@@ -129,7 +129,7 @@ def _field(
 
 
 def _of_one_zone(
-    label: str, zones: Sequence[LabelledZone], setting: FieldSetting, of_class: float
+    label: str, zones: Sequence[RecognizedZone], setting: FieldSetting, of_class: float
 ) -> Field | None:
     """The field of `zones` if their texts one by one have one value: a pattern may tell where a text begins."""
     each = [_field(label, zones, [zone], setting, of_class) for zone in zones]
@@ -139,7 +139,7 @@ def _of_one_zone(
 
 
 def _of_another_label(
-    label: str, read: Sequence[LabelledZone], setting: FieldSetting, of_class: float
+    label: str, read: Sequence[RecognizedZone], setting: FieldSetting, of_class: float
 ) -> Field | None:
     """The field of the zone that most probably has this label among those with another one, if it has a value."""
     taken = [
@@ -154,17 +154,17 @@ def _of_another_label(
     return None
 
 
-def _text(zones: Iterable[LabelledZone]) -> str:
+def _text(zones: Iterable[RecognizedZone]) -> str:
     return "\n".join(each.zone.text for each in zones)
 
 
-def _mean_confidence(words: list[ReadWord]) -> float:
+def _mean_confidence(words: list[ZoneWord]) -> float:
     """Mean confidence of the words by their length; 1 where OCR read none of them."""
     letters = sum(len(word.text) for word in words)
     return sum(len(word.text) * word.confidence for word in words) / letters if letters else 1.0
 
 
-def _words_in(text: str, words: list[ReadWord], span: tuple[int, int]) -> Iterator[ReadWord]:
+def _words_in(text: str, words: list[ZoneWord], span: tuple[int, int]) -> Iterator[ZoneWord]:
     """The words of `text`, in their order, that overlap a span of it."""
     end = 0
     for word in words:

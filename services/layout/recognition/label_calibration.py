@@ -18,17 +18,8 @@ from services.layout.recognition.label_evidence import label_evidence
 from services.layout.recognition.page_recognition import VersionedModel
 from services.layout.recognition.results import Recognition
 
-
-@dataclass(frozen=True, slots=True)
-class LabelCalibrationParameters:
-    """Prior of the line of a class around the evidence as it is (slope 1, intercept 0).
-
-    Chosen on classes that had no part in the weights of evidence (`docs/decisions/layout-confidences.md`, 2026-11-23).
-    Held-out pages of three samples say little: with a deviation of the intercept of 0.6 labels are believed less well.
-    """
-
-    slope_deviation: float = 0.15
-    intercept_deviation: float = 0.15
+_SLOPE_DEVIATION = 0.15
+_INTERCEPT_DEVIATION = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,13 +43,13 @@ def calibrate_labels(calibration: Calibration, pages: Sequence[HeldOutZones]) ->
 
     Platt's scaling with a normal prior.
     """
-    p = LabelCalibrationParameters()
+
     if not pages:
         return calibration
     evidence = np.concatenate([page.evidence for page in pages])
     is_right = np.concatenate([page.is_right for page in pages])
     usual = np.array([1.0, 0.0])
-    deviation = np.array([p.slope_deviation, p.intercept_deviation])
+    deviation = np.array([_SLOPE_DEVIATION, _INTERCEPT_DEVIATION])
 
     def cost(line: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         found = line[0] * evidence + line[1]

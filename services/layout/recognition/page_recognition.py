@@ -24,7 +24,7 @@ from services.layout.page import Page
 from services.layout.recognition.classification import classify
 from services.layout.recognition.hierarchy import MOST_CANDIDATES, Competitor, rank_models
 from services.layout.recognition.label_evidence import label_confidences, label_evidence, other_labels
-from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
+from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition, RecognizedZone
 
 CONTENDER = 0.02
 """A class this probable, next to the most probable one, may still win when its match is searched for thoroughly:
@@ -113,7 +113,7 @@ def recognize_page(
     Without models, or without zones, nothing is labelled and no class is chosen.
     """
     if not models or not page.zones:
-        zones = tuple(LabelledZone(zone, None, 0.0, None, order) for order, zone in enumerate(page.zones))
+        zones = tuple(RecognizedZone(zone, None, 0.0, None, order) for order, zone in enumerate(page.zones))
         return Recognition(page, zones, None)
     started = time.perf_counter()
     graph = _graph_for(page, models, content_names)
@@ -271,7 +271,7 @@ def _match(
     return replace(match, confidences=confidences, evidence=evidence, others=others)
 
 
-def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
+def _label_zones(page: Page, match: _Match) -> tuple[RecognizedZone, ...]:
     """Zones with labels and confidences, which follow from the costs of the other labels.
 
     The weights of the costs are those under which true labels are most probable given the others, so that their
@@ -283,7 +283,7 @@ def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
     chosen = match.matching.labels
     labels = match.compiled.labels
     return tuple(
-        LabelledZone(
+        RecognizedZone(
             zone=zone,
             label=labels[chosen[index]],
             confidence=float(match.confidences[index]),
@@ -300,11 +300,11 @@ def _label_zones(page: Page, match: _Match) -> tuple[LabelledZone, ...]:
     )
 
 
-def _report(page: Page, graph: LayoutGraph, match: _Match, explain: bool) -> MatchReport:
+def _report(page: Page, graph: LayoutGraph, match: _Match, explain: bool) -> ModelMatch:
     matching, labels = match.matching, match.compiled.labels
     node, edge, count = labelling_cost(graph, match.compiled, matching.labels, match.compiled.scales)
     names = [zone.id for zone in page.zones]
-    return MatchReport(
+    return ModelMatch(
         cost=matching.cost,
         node_cost=node,
         edge_cost=edge,

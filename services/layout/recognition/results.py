@@ -8,7 +8,7 @@ from services.layout.page import Page, Zone
 
 
 @dataclass(frozen=True, slots=True)
-class LabelledZone:
+class RecognizedZone:
     """A zone with the label that matching gave it, None for none of the model's.
 
     `confidence` is the probability, 0-1, that the label is right, given the class; `group` names the model
@@ -45,7 +45,7 @@ class ClassMatch:
 
 
 @dataclass(frozen=True, slots=True)
-class MatchReport:
+class ModelMatch:
     """The match behind the labels; `gap` is how far its cost may lie above the least one, 0 when optimal.
 
     `backbone` names for each model node the zone that matches it best (the one-to-one match of 5.4);
@@ -71,9 +71,9 @@ class Recognition:
     """
 
     page: Page
-    zones: tuple[LabelledZone, ...]
+    zones: tuple[RecognizedZone, ...]
     chosen: ClassMatch | None
     classes: tuple[ClassMatch, ...] = ()
     unknown_probability: float = 0.0
-    match: MatchReport | None = None
+    match: ModelMatch | None = None
     timings_ms: Mapping[str, float] = field(default_factory=dict)

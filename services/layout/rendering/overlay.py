@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from services.arrays import RgbImage
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.layout.rendering.chip_placing import Rect, place_chips
 
 MAX_SIDE_PX = 2000
@@ -196,7 +196,7 @@ def _ground(image: RgbImage | None, frame: _Frame) -> RgbImage:
     return np.asarray(cv2.convertScaleAbs(page, alpha=_INK_SHARE, beta=255 * (1 - _INK_SHARE)), np.uint8)
 
 
-def _box(zone: LabelledZone, frame: _Frame) -> Rect:
+def _box(zone: RecognizedZone, frame: _Frame) -> Rect:
     """Outline of the zone in pixels of the page as it is drawn, around its print, within the page and never empty."""
     x0, y0, x1, y1 = zone.zone.box
     left = min(max(math.floor(x0 * frame.scale_x) - frame.line, 0), frame.page_width - 1)
@@ -224,7 +224,7 @@ def _draw_zone(page: RgbImage, box: Rect, colour: Colour, labelled: bool, line: 
     zone[down, :line] = zone[down, -line:] = colour
 
 
-def _chip(zone: LabelledZone, font: ImageFont.FreeTypeFont, frame: _Frame) -> Image.Image:
+def _chip(zone: RecognizedZone, font: ImageFont.FreeTypeFont, frame: _Frame) -> Image.Image:
     """The zone's number and label on its colour, RGBA with round corners."""
     colour = label_colour(zone.label)
     label = "" if zone.label is None else _drawable(zone.label)

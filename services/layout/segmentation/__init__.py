@@ -4,13 +4,11 @@ from services.layout.segmentation.appearance import with_appearance
 from services.layout.segmentation.fine_page import FinePage, compose_page, compose_with_lines, text_zone
 from services.layout.segmentation.measuring import measure_zones
 from services.layout.segmentation.page import segment_finely, segment_page
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 
 __all__ = [
     "FinePage",
     "Line",
-    "SegmentationParameters",
     "compose_page",
     "compose_with_lines",
     "measure_zones",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.page import Appearance, Box, Zone
+from services.layout.page import Box, InkAppearance, Zone
 from services.layout.segmentation.components import Boxes, near_pairs
 from services.layout.segmentation.frame import PrintedPage
 
@@ -53,8 +53,8 @@ def mark_ink(printed: PrintedPage) -> InkMarks:
     return InkMarks(edges, least, np.column_stack(terms).astype(np.float64))
 
 
-def measure_appearance(marks: InkMarks, box: Box) -> Appearance | None:
-    """Appearance of the ink in a box; None where there is none."""
+def measure_appearance(marks: InkMarks, box: Box) -> InkAppearance | None:
+    """InkAppearance of the ink in a box; None where there is none."""
     x0, y0, x1, y1 = marks.edges
     down = np.minimum(y1, box[3]) - np.maximum(y0, box[1])
     near = np.flatnonzero(down > 0)
@@ -63,7 +63,7 @@ def measure_appearance(marks: InkMarks, box: Box) -> Appearance | None:
     if len(inside) == 0:
         return None
     ink, area, sizes, strokes, slants, weight, logs, squares, tall, level = marks.terms[inside].sum(axis=0)
-    return Appearance(
+    return InkAppearance(
         density=float(ink / max((box[2] - box[0]) * (box[3] - box[1]), 1.0)),
         size=float(sizes / area),
         size_spread=float(np.sqrt(max(squares / weight - (logs / weight) ** 2, 0.0))),

@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.ink import InkComponents
-from services.layout.segmentation.parameters import SegmentationParameters
+
+LEAST_GLYPH = 0.4
+"""Least height of what makes lines, in units: small print's x-height."""
+_LARGEST_GLYPH = 6.0
+"""Largest one: a large heading's capitals."""
+_RULE_ASPECT = 9.0
+"""Least ratio of a rule's length to its thickness."""
+_RULE_THICKNESS = 0.5
+"""Rules are thinner than this, in units."""
+
 
 Boxes = NDArray[np.float64]
 """(N, 4) x0, y0, x1, y1 in pixels of the working copy."""
@@ -25,23 +34,19 @@ class Kinds:
     large: NDArray[np.bool_]
 
 
-def classify_components(
-    components: InkComponents, unit: float, slope: float, parameters: SegmentationParameters
-) -> Kinds:
+def classify_components(components: InkComponents, unit: float, slope: float) -> Kinds:
     """Kinds by size relative to `unit`, the page's glyph height in px; components of no kind are specks."""
     width, height, area = components.width, components.height, components.area
     # A slanting rule's box is higher than the rule.
     level = np.maximum(height - abs(slope) * width, 1.0), np.maximum(width - abs(slope) * height, 1.0)
     thickness = np.minimum(*level)
     length = np.maximum(width, height)
-    rules = (length > parameters.rule_aspect * thickness) & (length > 4 * unit)
-    rules &= (area / length < parameters.rule_thickness * unit) & (thickness < unit)
-    glyphs = (height >= parameters.least_glyph * unit) & (height <= parameters.largest_glyph * unit)
+    rules = (length > _RULE_ASPECT * thickness) & (length > 4 * unit)
+    rules &= (area / length < _RULE_THICKNESS * unit) & (thickness < unit)
+    glyphs = (height >= LEAST_GLYPH * unit) & (height <= _LARGEST_GLYPH * unit)
     glyphs &= ~rules & (height < 12 * width) & (width < 60 * height)
     solid = area > 0.85 * width * height
     glyphs &= ~(solid & (height > 2.0 * unit) & (width > 2.0 * unit))
-    # Frames and circles of drawings: no letters of that size have strokes so fine.
-    glyphs &= ~((components.stroke < parameters.hairline * height) & (height > 1.6 * unit))
     large = ~rules & ~glyphs & (length > unit)
     return Kinds(glyphs, rules, large)
 

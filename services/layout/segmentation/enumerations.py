@@ -3,15 +3,15 @@
 import re
 from collections.abc import Sequence
 
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
+from services.layout.segmentation.typical_print import EDGE_SLACK, UNRELIABLE_STEP
 
 _NUMBER = re.compile(r"(?P<open>[(\[]?)(?P<number>\d{1,3}|[a-z])(?P<close>[)\].])\s+\S")
 """What an item begins with; letters need a bracket, since "a." begins a line of names."""
 
 
-def item_starts(lines: Sequence[Line], texts: Sequence[str], parameters: SegmentationParameters) -> set[int]:
-    """Indices of the lines that begin an item: one with the number before or after it begins another one near by.
+def item_starts(lines: Sequence[Line], texts: Sequence[str]) -> set[int]:
+    """Indices of the lines that begin an item: one with the number before or after it begins another one.
 
     Both lines begin at one edge, with numbers in the same brackets, and are of one size. `texts` are those of the
     lines, "" where none was read.
@@ -22,7 +22,7 @@ def item_starts(lines: Sequence[Line], texts: Sequence[str], parameters: Segment
         for second, other_style, other in found[place + 1 :]:
             if style == other_style and abs(number - other) == 1:
                 upper, lower = (first, second) if number < other else (second, first)
-                if _are_neighbours(lines[upper], lines[lower], parameters):
+                if _are_neighbours(lines[upper], lines[lower]):
                     starts |= {first, second}
     return starts
 
@@ -38,9 +38,9 @@ def _read(text: str) -> tuple[str, int] | None:
     return None if close == "." else (f"{read['open']}a{close}", ord(number))
 
 
-def _are_neighbours(upper: Line, lower: Line, parameters: SegmentationParameters) -> bool:
+def _are_neighbours(upper: Line, lower: Line) -> bool:
     em = max(upper.em, lower.em)
     down = lower.baseline - upper.baseline
     edge = abs(upper.box[0] - lower.box[0])
-    alike = em < parameters.unreliable_step * min(upper.em, lower.em)
-    return bool(alike and 0 < down < parameters.list_reach * em and edge < parameters.edge_slack * em)
+    alike = em < UNRELIABLE_STEP * min(upper.em, lower.em)
+    return bool(alike and down > 0 and edge < EDGE_SLACK * em)

@@ -17,7 +17,6 @@ from services.layout.segmentation.measures import (
     zone_line_spacing,
     zone_weight,
 )
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.reading_order import reading_order
 from services.layout.segmentation.text_lines import Line
 from services.ocr.engine import Word
@@ -61,7 +60,7 @@ def compose_page(fine: FinePage) -> Page:
 def compose_with_lines(fine: FinePage) -> tuple[Page, tuple[tuple[int, ...], ...]]:
     """`compose_page`, and the lines of every zone of the page; none for a zone that is no text."""
     zones = [text_zone(fine, block) for block in fine.blocks]
-    zones = trim_figures([*zones, *fine.others], SegmentationParameters())
+    zones = trim_figures([*zones, *fine.others])
     zones = with_appearance(fine.ink, zones)
     order = reading_order([zone.box for zone in zones])
     numbered = tuple(replace(zones[index], id=f"z{number}") for number, index in enumerate(order, 1))

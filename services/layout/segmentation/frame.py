@@ -7,13 +7,13 @@ import numpy as np
 from services.arrays import GrayImage
 from services.layout.segmentation.components import Boxes, Kinds, classify_components
 from services.layout.segmentation.ink import (
+    LARGEST_SKEW_DEG,
     InkComponents,
     estimate_skew,
     find_components,
     find_ink,
     glyph_height,
 )
-from services.layout.segmentation.parameters import SegmentationParameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,20 +55,18 @@ class PrintedPage:
     frame: LevelledFrame
 
 
-def analyse_print(gray: GrayImage, parameters: SegmentationParameters) -> PrintedPage | None:
+def analyse_print(gray: GrayImage) -> PrintedPage | None:
     """Components of a page (H, W) uint8; None when it has no ink that may be print."""
     if gray.size == 0:
         return None
-    ink = find_ink(gray, parameters)
-    components = find_components(ink, parameters)
+    ink = find_ink(gray)
+    components = find_components(ink)
     unit = glyph_height(components, max(ink.mask.shape)) if len(components) else 0.0
     if unit == 0.0:
         return None
-    steepest = float(np.tan(np.radians(parameters.largest_skew_deg)))
-    kinds = classify_components(components, unit, steepest, parameters)
+    steepest = float(np.tan(np.radians(LARGEST_SKEW_DEG)))
+    kinds = classify_components(components, unit, steepest)
     height, width = ink.mask.shape
-    frame = LevelledFrame(
-        ink.scale, estimate_skew(components.boxes[kinds.glyphs], parameters), (width, height)
-    )
+    frame = LevelledFrame(ink.scale, estimate_skew(components.boxes[kinds.glyphs]), (width, height))
     levelled = replace(components, boxes=frame.level(components.boxes))
     return PrintedPage(components, levelled, kinds, unit, frame)

@@ -8,8 +8,22 @@ from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices, members_of
 from services.layout.segmentation.monospace import cell_widths
-from services.layout.segmentation.parameters import SegmentationParameters
+from services.layout.segmentation.typical_print import EDGE_SLACK, LEAST_SPACE, ROW_REACH
 from services.order_statistics import median, quantile
+
+WIDEST_GAP = 3.0
+"""Wider gaps always end a line; three spaces of a typewriter are 2.3."""
+_WIDE_GAP = 0.7
+"""Narrower gaps never end a line: spaces of justified print are 0.2 to 0.7."""
+_WORD_GAP = 1.6
+"""A gap that fewer than two other rows share, and none crosses, ends a line from here on."""
+_GAP_OVER_SPACE = 1.9
+"""Least ratio of a gap that ends a line to the spaces between words around it."""
+_GUTTER_OVER_SPACE = 1.1
+"""The same where at least `_GUTTER_ROWS` rows around have the gap, and none crosses it."""
+_GUTTER_ROWS = 4
+_LEAST_BLANK_CELLS = 3.7
+"""In monospaced print narrower gaps, of up to three blanks, are no gutters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +49,6 @@ class _Rows:
 def split_at_gutters(
     boxes: Boxes,
     rows: Indices,
-    parameters: SegmentationParameters,
     glyphs: tuple[Boxes, Indices],
     operators: Boxes,
 ) -> Indices:
@@ -51,13 +64,13 @@ def split_at_gutters(
         (M, 4); they lie in gaps, but make no rows.
     """
     members = members_of(rows)
-    table, gaps = _measure(boxes, members, operators, parameters)
-    cells = cell_widths(glyphs[0], members_of(glyphs[1]), parameters)
+    table, gaps = _measure(boxes, members, operators)
+    cells = cell_widths(glyphs[0], members_of(glyphs[1]))
     cuts: dict[int, list[float]] = {}
     for index in np.flatnonzero(np.isfinite(gaps.x0)):
-        if gaps.x1[index] - gaps.x0[index] < parameters.least_blank_cells * cells[gaps.row[index]]:
+        if gaps.x1[index] - gaps.x0[index] < _LEAST_BLANK_CELLS * cells[gaps.row[index]]:
             continue
-        if _is_gutter(int(index), gaps, table, parameters):
+        if _is_gutter(int(index), gaps, table):
             cuts.setdefault(int(gaps.row[index]), []).append(float(gaps.x1[index]))
     pieces = np.full(len(rows), -1, dtype=np.intp)
     number = 0
@@ -68,9 +81,7 @@ def split_at_gutters(
     return pieces
 
 
-def _measure(
-    boxes: Boxes, members: Sequence[Indices], operators: Boxes, parameters: SegmentationParameters
-) -> tuple[_Rows, _Gaps]:
+def _measure(boxes: Boxes, members: Sequence[Indices], operators: Boxes) -> tuple[_Rows, _Gaps]:
     rows = np.zeros((len(members), 4))
     level = (operators[:, 1] + operators[:, 3]) / 2
     spaces: list[tuple[float, float]] = []
@@ -99,12 +110,12 @@ def _measure(
         reach = np.maximum.accumulate(own[:, 2])
         gaps.append((row, -np.inf, float(own[0, 0]), em))
         width = own[1:, 0] - reach[:-1]
-        spaces.extend((row, each) for each in width[width > parameters.least_space * em])
-        for k in np.flatnonzero(width > parameters.wide_gap * em):
+        spaces.extend((row, each) for each in width[width > LEAST_SPACE * em])
+        for k in np.flatnonzero(width > _WIDE_GAP * em):
             gaps.append((row, float(reach[k]), float(own[k + 1, 0]), em))
     table = np.array(gaps)
     divided = np.unique(table[np.isfinite(table[:, 1]), 0]).astype(np.intp)
-    rows[:, 3] = _typical_spaces(np.array(spaces).reshape(-1, 2), rows[:, 0], rows[:, 3], divided, parameters)
+    rows[:, 3] = _typical_spaces(np.array(spaces).reshape(-1, 2), rows[:, 0], rows[:, 3], divided)
     return _Rows(*rows.T), _Gaps(table[:, 0].astype(np.intp), *table[:, 1:].T)
 
 
@@ -113,45 +124,41 @@ def _typical_spaces(
     middle: NDArray[np.float64],
     em: NDArray[np.float64],
     divided: Indices,
-    parameters: SegmentationParameters,
 ) -> NDArray[np.float64]:
     """Median space of the rows `divided` and those around each, px, 0 of others; of `spaces` (S, 2), row and width."""
     typical = np.zeros(len(middle))
     level = middle[spaces[:, 0].astype(np.intp)]
     for row in divided.tolist():
-        near = spaces[np.abs(level - middle[row]) < parameters.gutter_reach * em[row], 1]
-        widest = parameters.widest_space * em[row]
-        typical[row] = min(median(near), widest) if len(near) else 0.0
+        near = spaces[np.abs(level - middle[row]) < ROW_REACH * em[row], 1]
+        typical[row] = median(near) if len(near) else 0.0
     return typical
 
 
-def _is_gutter(index: int, gaps: _Gaps, rows: _Rows, parameters: SegmentationParameters) -> bool:
+def _is_gutter(index: int, gaps: _Gaps, rows: _Rows) -> bool:
     """Whether a gap continues in the rows above and below, or is wide enough without that."""
     x0, x1, em = gaps.x0[index], gaps.x1[index], gaps.em[index]
     width = (x1 - x0) / em
     over_space = (x1 - x0) / max(rows.space[gaps.row[index]], 1e-9)
-    if over_space < parameters.gutter_over_space:
+    if over_space < _GUTTER_OVER_SPACE:
         return False
-    if width > parameters.widest_gap and over_space > parameters.gap_over_space:
+    if width > WIDEST_GAP and over_space > _GAP_OVER_SPACE:
         return True
     distance = np.abs(rows.middle - rows.middle[gaps.row[index]])
-    near = (distance < parameters.gutter_reach * em) & (distance > 0.5 * em)
+    near = (distance < ROW_REACH * em) & (distance > 0.5 * em)
     crossing = near & (rows.x0 < x0) & (rows.x1 > x1)
     shared = np.minimum(gaps.x1, x1) - np.maximum(gaps.x0, x0)
     # The same channel of white, with print that begins on its right edge or ends on its left.
-    same = near[gaps.row] & (shared > parameters.shared_gap * em)
-    slack = parameters.edge_slack * em
+    same = near[gaps.row] & (shared > EDGE_SLACK * em)
+    slack = EDGE_SLACK * em
     same &= (np.abs(gaps.x1 - x1) < slack) | (np.abs(gaps.x0 - x0) < slack) | (shared > 1.2 * em)
     same &= np.isfinite(gaps.x0) | (np.abs(gaps.x1 - x1) < slack)
     supporting = np.unique(gaps.row[same])
     supports = len(supporting)
     crossing[supporting] = False
     contras = int(np.count_nonzero(crossing))
-    if over_space < parameters.gap_over_space:
+    if over_space < _GAP_OVER_SPACE:
         # As wide as a space of justified print: a gutter only where all rows around have it.
-        return supports >= parameters.gutter_rows and contras == 0
+        return supports >= _GUTTER_ROWS and contras == 0
     if supports >= 2:
         return supports > contras
-    if supports == 1:
-        return width > parameters.lone_gap and contras == 0
-    return width > parameters.word_gap and contras == 0
+    return width > _WORD_GAP and contras == 0

@@ -11,7 +11,20 @@ from services.arrays import GrayImage
 from services.imaging.components import label_components
 from services.imaging.illumination import flatten_illumination
 from services.layout.segmentation.line_drawings import LEAST_SIDE_PX, MOST_INK, read_drawing
-from services.layout.segmentation.parameters import SegmentationParameters
+
+_WORKING_LONG_SIDE_PX = 1760
+"""The reduced copy: A4 at 150 dpi, where ten-point print has 20 px to the em."""
+_LARGEST_ENLARGEMENT = 1.6
+"""Largest enlargement of coarse pages (100 dpi): at whole pixels, similar sizes have the same height."""
+_LEAST_ENLARGEMENT = 1.2
+"""A smaller enlargement is left out: its blur makes letters touch."""
+_INK_CONTRAST = 0.28
+"""Ink is darker than its paper by this share of it; light gray print has about 0.35."""
+_MOST_COMPONENTS = 12000
+"""Of a page with more (dirt, halftones) the largest count; a full page of small print has about 6000."""
+LARGEST_SKEW_DEG = 3.0
+"""Range of the search; pages come upright."""
+
 
 _LEAST_HEIGHT_PX = 4
 """Lower components are specks at any working scale, for the unit's sake."""
@@ -63,11 +76,11 @@ class InkComponents:
         return np.asarray(self.boxes[:, 3] - self.boxes[:, 1])
 
 
-def find_ink(gray: GrayImage, parameters: SegmentationParameters) -> Ink:
+def find_ink(gray: GrayImage) -> Ink:
     """Ink of a page (H, W) uint8, dark or light on its ground, after uneven light is divided out."""
     height, width = gray.shape
-    factor = min(parameters.largest_enlargement, parameters.working_long_side_px / max(height, width))
-    if 1.0 < factor < parameters.least_enlargement:
+    factor = min(_LARGEST_ENLARGEMENT, _WORKING_LONG_SIDE_PX / max(height, width))
+    if 1.0 < factor < _LEAST_ENLARGEMENT:
         factor = 1.0
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
     interpolation = cv2.INTER_AREA if factor < 1.0 else cv2.INTER_CUBIC
@@ -76,7 +89,7 @@ def find_ink(gray: GrayImage, parameters: SegmentationParameters) -> Ink:
     if _is_inverted(small):
         small = np.asarray(255 - small, dtype=np.uint8)
     flat = flatten_illumination(small)
-    _, mask = cv2.threshold(flat, 255 * (1.0 - parameters.ink_contrast), 1, cv2.THRESH_BINARY_INV)
+    _, mask = cv2.threshold(flat, 255 * (1.0 - _INK_CONTRAST), 1, cv2.THRESH_BINARY_INV)
     return Ink(np.asarray(mask, dtype=np.uint8), (width / size[0], height / size[1]))
 
 
@@ -88,14 +101,14 @@ def _is_inverted(small: GrayImage) -> bool:
     return bool(light - dark > 60 and middle - dark < 0.4 * (light - dark))
 
 
-def find_components(ink: Ink, parameters: SegmentationParameters) -> InkComponents:
+def find_components(ink: Ink) -> InkComponents:
     """Components of two pixels and more, at most `most_components`: the largest then."""
     count, labels, stats, _ = label_components(ink.mask)
     area = stats[:, cv2.CC_STAT_AREA]
     kept = np.flatnonzero(area > 2)
     kept = kept[kept > 0]
-    if kept.size > parameters.most_components:
-        kept = np.sort(kept[np.argsort(area[kept])[-parameters.most_components :]])
+    if kept.size > _MOST_COMPONENTS:
+        kept = np.sort(kept[np.argsort(area[kept])[-_MOST_COMPONENTS:]])
     pixels = _InkPixels.of(ink.mask, labels, count)
     runs = pixels.total(pixels.begins)
     x, y = stats[kept, cv2.CC_STAT_LEFT], stats[kept, cv2.CC_STAT_TOP]
@@ -177,7 +190,7 @@ def glyph_height(components: InkComponents, page_px: float) -> float:
     return float(height[order][np.searchsorted(total, total[-1] / 2)])
 
 
-def estimate_skew(boxes: NDArray[np.float64], parameters: SegmentationParameters) -> float:
+def estimate_skew(boxes: NDArray[np.float64]) -> float:
     """Slope dy/dx of the text lines, from the feet of glyphs with boxes (N, 4); 0 when too few form lines.
 
     The slope at which the feet's projection onto the vertical is the most concentrated.
@@ -186,7 +199,7 @@ def estimate_skew(boxes: NDArray[np.float64], parameters: SegmentationParameters
         return 0.0
     x, y = (boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]
     x = x - np.mean(x)
-    largest = np.tan(np.radians(parameters.largest_skew_deg))
+    largest = np.tan(np.radians(LARGEST_SKEW_DEG))
     slope = 0.0
     for reach, steps in ((largest, 61), (largest / 20, 21)):
         slopes = slope + np.linspace(-reach, reach, steps)

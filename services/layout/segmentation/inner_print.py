@@ -9,9 +9,15 @@ from numpy.typing import NDArray
 from services.layout.segmentation.components import Boxes
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.non_text import Part
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, unite_boxes
+from services.layout.segmentation.typical_print import FULL_LINE, UNRELIABLE_STEP
 from services.order_statistics import median
+
+_LEAST_PICTURE = 0.06
+"""Figures of this share of the page's area have what is printed in them; signatures and stamps are smaller."""
+SCRAP_COMPONENTS = 6
+"""Unread print of at most this many glyphs within a figure is part of it. Elsewhere it may be a piece of a signature or
+a stamp."""
 
 
 def give_to_figures(
@@ -21,7 +27,6 @@ def give_to_figures(
     parts: Sequence[Part],
     levelled: InkComponents,
     page_px: tuple[int, int],
-    parameters: SegmentationParameters,
 ) -> tuple[list[list[int]], list[Part]]:
     """`blocks` that lie in no figure, and `parts` whose figures have the lines of the others.
 
@@ -32,10 +37,10 @@ def give_to_figures(
     if not blocks:
         return blocks, list(parts)
     em = median(np.repeat([line.em for line in lines], [len(line.members) for line in lines]))
-    runs = np.array([any(_is_running(lines[index], em, parameters) for index in block) for block in blocks])
+    runs = np.array([any(_is_running(lines[index], em) for index in block) for block in blocks])
     hulls = block_boxes(blocks, lines)
-    scraps = np.array([_is_scrap(block, lines, is_read, parameters) for block in blocks])
-    least_area = parameters.least_picture * page_px[0] * page_px[1]
+    scraps = np.array([_is_scrap(block, lines, is_read) for block in blocks])
+    least_area = _LEAST_PICTURE * page_px[0] * page_px[1]
     taken = np.zeros(len(blocks), dtype=bool)
     figures: list[Part] = []
     for part in parts:
@@ -75,12 +80,11 @@ def _is_scrap(
     block: Sequence[int],
     lines: Sequence[Line],
     is_read: NDArray[np.bool_],
-    parameters: SegmentationParameters,
 ) -> bool:
-    few = sum(len(lines[index].members) for index in block) <= parameters.scrap_components
+    few = sum(len(lines[index].members) for index in block) <= SCRAP_COMPONENTS
     return few and not np.any(is_read[list(block)])
 
 
-def _is_running(line: Line, em: float, parameters: SegmentationParameters) -> bool:
+def _is_running(line: Line, em: float) -> bool:
     """Whether a line is as wide as running text is, and about as large as the print of the page."""
-    return line.em > em / parameters.doubtful_step and line.width > parameters.full_line * line.em
+    return line.em > em / UNRELIABLE_STEP and line.width > FULL_LINE * line.em

@@ -15,7 +15,6 @@ from services.layout.segmentation.measures import (
     zone_line_spacing,
     zone_weight,
 )
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line, find_lines
 
 
@@ -29,7 +28,7 @@ def measure_zones(gray: GrayImage, page: Page) -> Page:
     ----------
     gray : (H, W) uint8, the page's image; zones whose boxes lie outside of it are not changed.
     """
-    parameters = SegmentationParameters()
+
     known = ("lines", "font_size", "line_spacing", "weight", "alignment")
     if all(
         zone.appearance is not None
@@ -37,10 +36,10 @@ def measure_zones(gray: GrayImage, page: Page) -> Page:
         for zone in page.zones
     ):
         return page
-    printed = analyse_print(gray, parameters)
+    printed = analyse_print(gray)
     if printed is None:
         return page
-    found = [_lines_in(zone, printed, parameters) if zone.kind == "text" else [] for zone in page.zones]
+    found = [_lines_in(zone, printed) if zone.kind == "text" else [] for zone in page.zones]
     boxes = np.array([line.box for lines in found for line in lines]).reshape(-1, 4)
     column = (float(boxes[:, 0].min()), float(boxes[:, 2].max())) if len(boxes) else (0.0, 0.0)
     zones = (
@@ -57,14 +56,14 @@ def _with_own_appearance(marks: InkMarks, zone: Zone) -> Zone:
     return replace(zone, appearance=measure_appearance(marks, zone.box))
 
 
-def _lines_in(zone: Zone, printed: PrintedPage, parameters: SegmentationParameters) -> list[Line]:
+def _lines_in(zone: Zone, printed: PrintedPage) -> list[Line]:
     boxes = printed.components.boxes
     x, y = ((boxes[:, :2] + boxes[:, 2:]) / 2).T
     sx, sy = printed.frame.scale
     x0, y0, x1, y1 = zone.box
     inside = (x0 <= x * sx) & (x * sx <= x1) & (y0 <= y * sy) & (y * sy <= y1)
     glyphs: Indices = np.flatnonzero(inside & printed.kinds.glyphs)
-    return _one_per_row(find_lines(printed.levelled, glyphs, parameters)) if len(glyphs) else []
+    return _one_per_row(find_lines(printed.levelled, glyphs)) if len(glyphs) else []
 
 
 def _one_per_row(lines: list[Line]) -> list[Line]:

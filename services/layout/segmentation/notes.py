@@ -6,9 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Indices
+from services.layout.segmentation.entries import WIDEST_LABEL
 from services.layout.segmentation.ink import InkComponents
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
+from services.layout.segmentation.typical_print import EDGE_SLACK, LEAST_SPACE, WEIGHT_STEP, WIDEST_VALUE
+
+_SHORTEST_NOTE = 4.8
+"""A first line this short at the foot of a letter's text ("JRB:tc", "Encl.") is no name or place."""
 
 
 def note_starts(
@@ -16,7 +20,6 @@ def note_starts(
     block: Sequence[int],
     components: InkComponents,
     foot: float,
-    parameters: SegmentationParameters,
 ) -> Indices:
     """Places in `block` (indices of `lines`, from the top down) at which another note begins.
 
@@ -30,22 +33,22 @@ def note_starts(
     em = float(np.median([line.em for line in own]))
     left = np.array([line.box[0] for line in own])
     edge = float(np.min(left))
-    slack = parameters.edge_slack * em
+    slack = EDGE_SLACK * em
     at_edge = left - edge < slack
     widest = max(line.width for line in own)
     starts = np.zeros(len(own), dtype=bool)
-    if widest < parameters.widest_value * em:
+    if widest < WIDEST_VALUE * em:
         items = np.flatnonzero(~at_edge)
         for head in np.flatnonzero(at_edge[:-1] & ~at_edge[1:]):
-            if np.any(np.abs(_word_starts(own[head], components, parameters) - left[head + 1]) < 1.5 * slack):
+            if np.any(np.abs(_word_starts(own[head], components) - left[head + 1]) < 1.5 * slack):
                 starts[head] = True
                 run = items[items > head]
                 ends = head + 1 + int(np.argmin(np.append(~at_edge[head + 1 :], False)))
                 if len(run) and ends < len(own):
                     starts[ends] = True
     first, second = own[0], own[1]
-    short = first.width < parameters.shortest_note * first.em and at_edge[0] and at_edge[1]
-    if short and first.box[1] > foot and _weight(first) < parameters.weight_step * _weight(second):
+    short = first.width < _SHORTEST_NOTE * first.em and at_edge[0] and at_edge[1]
+    if short and first.box[1] > foot and _weight(first) < WEIGHT_STEP * _weight(second):
         starts[1] = True
     return np.flatnonzero(starts)
 
@@ -54,12 +57,10 @@ def _weight(line: Line) -> float:
     return line.stroke / line.em
 
 
-def _word_starts(
-    line: Line, components: InkComponents, parameters: SegmentationParameters
-) -> NDArray[np.float64]:
+def _word_starts(line: Line, components: InkComponents) -> NDArray[np.float64]:
     """Left edges of the words of a line that follow its first, short one."""
     boxes = components.boxes[line.members]
     boxes = boxes[np.argsort(boxes[:, 0], kind="stable")]
     reach = np.maximum.accumulate(boxes[:, 2])
-    starts = boxes[1:, 0][boxes[1:, 0] - reach[:-1] > parameters.least_space * line.em]
-    return np.asarray(starts[starts - line.box[0] < parameters.widest_label * line.em])
+    starts = boxes[1:, 0][boxes[1:, 0] - reach[:-1] > LEAST_SPACE * line.em]
+    return np.asarray(starts[starts - line.box[0] < WIDEST_LABEL * line.em])

@@ -20,12 +20,11 @@ from services.layout.segmentation.inner_print import block_boxes, give_to_figure
 from services.layout.segmentation.line_numbers import split_line_numbers
 from services.layout.segmentation.non_text import find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
 from services.layout.segmentation.text_lines import Line, find_lines, measure_line
 from services.layout.segmentation.words import assign_words, line_confidences, words_of_lines
 from services.layout.segmentation.zone_grouping import group_lines
-from services.ocr.engine import Word
+from services.ocr.engine import MADE_UP, UNSURE, Word
 
 
 def segment_page(gray: GrayImage, words: Sequence[Word] | None) -> Page:
@@ -35,7 +34,7 @@ def segment_page(gray: GrayImage, words: Sequence[Word] | None) -> Page:
 
     Parameters
     ----------
-    gray : (H, W) uint8, print dark or light on its ground, skewed by at most `largest_skew_deg`.
+    gray : (H, W) uint8, print dark or light on its ground, skewed by at most `ink.LARGEST_SKEW_DEG`.
     words : OCR words of the page, boxes in its pixels; None or empty without an engine.
 
     Returns
@@ -50,22 +49,22 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
 
     Parameters are those of `segment_page`; a blank page has no lines.
     """
-    parameters = SegmentationParameters()
+
     height, width = gray.shape
-    printed = analyse_print(gray, parameters)
+    printed = analyse_print(gray)
     if printed is None:
         return FinePage(float(width), float(height), 1.0, (), np.empty((0, 4)), (), (), frozenset(), (), ())
     levelled = printed.levelled
-    lines = find_lines(levelled, np.flatnonzero(printed.kinds.glyphs), parameters)
-    lines = split_page_numbers(lines, levelled, printed.frame.size[1], parameters)
-    lines, numbers = split_line_numbers(lines, levelled, parameters)
-    read, own_words = _read([*lines, *numbers], words, printed.frame, parameters)
-    is_text = choose_text_lines(lines, read.of_first(len(lines)), levelled, printed.frame.size, parameters)
+    lines = find_lines(levelled, np.flatnonzero(printed.kinds.glyphs))
+    lines = split_page_numbers(lines, levelled, printed.frame.size[1])
+    lines, numbers = split_line_numbers(lines, levelled)
+    read, own_words = _read([*lines, *numbers], words, printed.frame)
+    is_text = choose_text_lines(lines, read.of_first(len(lines)), levelled, printed.frame.size)
     kept = np.flatnonzero(is_text).tolist()
     rows = _Rows([lines[i] for i in kept], [read.texts[i] for i in kept], [own_words[i] for i in kept])
-    rows, begins = _join_entries(rows, levelled, parameters)
-    begins |= item_starts(rows.lines, rows.texts, parameters)
-    blocks = group_lines(rows.lines, begins, levelled, printed.frame.size[1], parameters)
+    rows, begins = _join_entries(rows, levelled)
+    begins |= item_starts(rows.lines, rows.texts)
+    blocks = group_lines(rows.lines, begins, levelled, printed.frame.size[1])
     if numbers:
         blocks.append(list(range(len(rows.lines), len(rows.lines) + len(numbers))))
         rows = _Rows(
@@ -76,17 +75,14 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
     unused = ~lie_within(levelled.boxes, block_boxes(blocks, lines))
     for line in lines:
         unused[line.members] = False
-    parts = find_parts(
-        levelled, printed.kinds, unused, line_boxes, printed.unit, printed.frame.size, parameters
-    )
+    parts = find_parts(levelled, printed.kinds, unused, line_boxes, printed.unit, printed.frame.size)
     is_read = np.array([bool(text) for text in texts], dtype=bool)
-    own = levelled, printed.frame.size, parameters
-    blocks, parts = give_to_figures(blocks, lines, is_read, parts, *own)
+    blocks, parts = give_to_figures(blocks, lines, is_read, parts, levelled, printed.frame.size)
     is_sure = np.array([sum(map(str.isalnum, text)) > 1 for text in texts], dtype=bool)
-    blocks, parts = gather_scraps(blocks, lines, is_sure, parts, levelled, printed.unit, parameters)
+    blocks, parts = gather_scraps(blocks, lines, is_sure, parts, levelled, printed.unit)
     # Pictures are put together of pieces only there.
-    blocks, parts = give_to_figures(blocks, lines, is_read, parts, *own)
-    parts = without_dirt(parts, levelled, printed.unit, parameters)
+    blocks, parts = give_to_figures(blocks, lines, is_read, parts, levelled, printed.frame.size)
+    parts = without_dirt(parts, levelled, printed.unit)
     page_components = printed.components
     others = tuple(
         Zone(
@@ -123,11 +119,9 @@ class _Rows:
     words: list[list[Word]]
 
 
-def _join_entries(
-    rows: _Rows, levelled: InkComponents, parameters: SegmentationParameters
-) -> tuple[_Rows, set[int]]:
+def _join_entries(rows: _Rows, levelled: InkComponents) -> tuple[_Rows, set[int]]:
     """Lines with entries of lists joined, and the indices of those, which begin zones."""
-    pairs, entries = find_entries(rows.lines, rows.texts, parameters)
+    pairs, entries = find_entries(rows.lines, rows.texts)
     value_of = dict(pairs)
     values = set(value_of.values())
     joined = _Rows([], [], [])
@@ -142,7 +136,7 @@ def _join_entries(
         if value is not None:
             members = np.concatenate([members, rows.lines[value].members])
             text, words = f"{text} {rows.texts[value]}".strip(), words + rows.words[value]
-        joined.lines.append(line if value is None else measure_line(levelled, members, parameters))
+        joined.lines.append(line if value is None else measure_line(levelled, members))
         joined.texts.append(text)
         joined.words.append(words)
     return joined, begins
@@ -152,7 +146,6 @@ def _read(
     lines: Sequence[Line],
     words: Sequence[Word] | None,
     frame: LevelledFrame,
-    parameters: SegmentationParameters,
 ) -> tuple[ReadLines, list[list[Word]]]:
     """Text and confidence of every line, and its words from left to right."""
     seen = [word for word in words or () if any(map(str.isalnum, word.text))]
@@ -160,11 +153,11 @@ def _read(
         return ReadLines([""] * len(lines), np.zeros(len(lines))), [[] for _ in lines]
     boxes = np.array([line.box for line in lines])
     word_boxes = frame.level(np.array([word.box for word in seen]) / np.array([*frame.scale, *frame.scale]))
-    is_sure = np.array([word.confidence >= parameters.least_confidence for word in seen])
+    is_sure = np.array([word.confidence >= MADE_UP for word in seen])
     line_of_word = assign_words(seen, word_boxes, boxes)
     confidence = line_confidences(seen, np.where(is_sure, line_of_word, -1), len(lines))
     # In a line that is text, a word that was read badly is a word all the same.
-    is_text = confidence >= parameters.sure_confidence
+    is_text = confidence >= UNSURE
     line_of_word = np.where(is_sure | is_text[line_of_word], line_of_word, -1)
     own = words_of_lines(seen, word_boxes, line_of_word, len(lines))
     texts = [" ".join(word.text for word in each) for each in own]

@@ -8,8 +8,20 @@ from numpy.typing import NDArray
 
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.ink import InkComponents
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
+from services.layout.segmentation.typical_print import UNRELIABLE_STEP
+from services.ocr.engine import UNSURE
+
+_LEAST_EM_PX = 6.0
+"""Smaller print on the working copy is noise, since it is not readable."""
+LONG_LINE = 8
+"""Number of components on a straight baseline that proves a text line."""
+_FEW = 3
+"""On dirty pages lines with fewer components need words."""
+_SIZE_RANGE = (0.6, 1.7)
+"""Short lines have sizes within this range of those of a long or read line."""
+_DIRT_SHARE = 1.0
+"""Loose components round a short line, against its own: more is dirt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +41,6 @@ def choose_text_lines(
     read: ReadLines,
     components: InkComponents,
     page_px: tuple[int, int],
-    parameters: SegmentationParameters,
 ) -> NDArray[np.bool_]:
     """Whether each line (L,) is text: read with confidence, or long with a straight baseline, or short and similar.
 
@@ -40,28 +51,28 @@ def choose_text_lines(
     counts = np.array([len(line.members) for line in lines])
     em = np.array([line.em for line in lines])
     boxes: Boxes = np.array([line.box for line in lines])
-    sure = np.asarray(read.confidence >= parameters.sure_confidence)
+    sure = np.asarray(read.confidence >= UNSURE)
     regular = np.array([_is_regular(line, components) for line in lines])
     margin = 0.15 * em
     inside = (boxes[:, 0] > margin) & (boxes[:, 1] > margin)
-    inside &= em >= parameters.least_em_px
+    inside &= em >= _LEAST_EM_PX
     inside &= (boxes[:, 2] < page_px[0] - margin) & (boxes[:, 3] < page_px[1] - margin)
-    long = (counts >= parameters.long_line) & regular & inside
+    long = (counts >= LONG_LINE) & regular & inside
     # This many glyphs in a row are text even where two of its lines touch.
-    long |= (counts >= 3 * parameters.long_line) & inside
+    long |= (counts >= 3 * LONG_LINE) & inside
     known = em[sure & (counts > 2)] if np.any(sure & (counts > 2)) else em[long]
     if len(known) == 0:
         known = em  # A page with a few words on it: nothing shows their size.
-    least, most = parameters.size_range
+    least, most = _SIZE_RANGE
     ratio = em[:, None] / known[None, :]
     alike = np.any((ratio > least) & (ratio < most), axis=1)
     dirt = _dirt(lines, components, long | (regular & inside & alike & (counts > 2)), em)
-    clean = dirt <= np.maximum(2, parameters.dirt_share * counts)
+    clean = dirt <= np.maximum(2, _DIRT_SHARE * counts)
     short = regular & inside & alike & clean
-    few = counts < parameters.few
+    few = counts < _FEW
     if _is_dirty(lines, components, long):
         wide = boxes[:, 2] - boxes[:, 0] > 1.2 * (boxes[:, 3] - boxes[:, 1])
-        close = np.any(np.abs(np.log(ratio)) < np.log(parameters.unreliable_step), axis=1)
+        close = np.any(np.abs(np.log(ratio)) < np.log(UNRELIABLE_STEP), axis=1)
         short &= ~few | ((dirt == 0) & close & ((counts > 1) | wide))
     short &= ~(counts < 2) | ((dirt <= 1) & np.array([_may_be_glyph(line, components) for line in lines]))
     return np.asarray(sure | long | short, dtype=np.bool_)

@@ -8,11 +8,24 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from services.layout.segmentation.components import Boxes, Indices, members_of, near_pairs
-from services.layout.segmentation.gutters import split_at_gutters
+from services.layout.segmentation.gutters import WIDEST_GAP, split_at_gutters
 from services.layout.segmentation.ink import InkComponents
-from services.layout.segmentation.operators import find_operators, links_across
-from services.layout.segmentation.parameters import SegmentationParameters
+from services.layout.segmentation.operators import TALLEST_PARTNER, find_operators, links_across
 from services.order_statistics import higher_quantile, mean, median, quantile
+
+_MOST_LINES = 1500
+"""Of a page with more the widest are taken; a page of small print has 200."""
+_LETTER_GAP = 0.6
+"""Components nearer than this times their height are one word, or words near each other."""
+_MARK_GAP = 2.2
+"""Largest distance of a list's mark from its line, including the width of the mark."""
+_END_GAP = 0.9
+"""Largest distance of a full stop, a superscript or a closing sign from its line."""
+CAPITAL_HEIGHT = 0.70
+"""Height of capitals and ascenders over em: Times 0.67, Computer Modern 0.69, Helvetica 0.72."""
+RELIABLE_COMPONENTS = 5
+"""Of fewer letters a slant is chance, and a size or weight is sure only where it differs much."""
+
 
 _LONG = 4
 """Lines with this many components are not fragments of others."""
@@ -46,33 +59,31 @@ class Line:
         return self.box[3] - self.box[1]
 
 
-def find_lines(components: InkComponents, glyphs: Indices, parameters: SegmentationParameters) -> list[Line]:
+def find_lines(components: InkComponents, glyphs: Indices) -> list[Line]:
     """Candidate lines of the components `glyphs`, whose boxes are levelled; some may not be text."""
     if len(glyphs) == 0:
         return []
     glyphs = _without_bridges(components, glyphs)
     boxes = components.boxes[glyphs]
-    words = group_linked(len(glyphs), *_word_links(boxes, parameters))
+    words = group_linked(len(glyphs), *_word_links(boxes))
     word_boxes = unite_boxes(boxes, words)
-    operators = find_operators(components, glyphs, parameters)
-    links = _row_links(word_boxes, parameters), links_across(operators, word_boxes, parameters)
+    operators = find_operators(components, glyphs)
+    links = _row_links(word_boxes), links_across(operators, word_boxes)
     rows = group_linked(len(word_boxes), *np.concatenate(links, axis=1))
-    if rows.max() >= parameters.most_lines:
-        rows = _widest(word_boxes, rows, parameters.most_lines)
-    pieces = split_at_gutters(word_boxes, rows, parameters, (boxes, rows[words]), operators)
-    return _join_fragments([glyphs[members] for members in members_of(pieces[words])], components, parameters)
+    if rows.max() >= _MOST_LINES:
+        rows = _widest(word_boxes, rows, _MOST_LINES)
+    pieces = split_at_gutters(word_boxes, rows, (boxes, rows[words]), operators)
+    return _join_fragments([glyphs[members] for members in members_of(pieces[words])], components)
 
 
-def _join_fragments(
-    pieces: list[Indices], components: InkComponents, parameters: SegmentationParameters
-) -> list[Line]:
+def _join_fragments(pieces: list[Indices], components: InkComponents) -> list[Line]:
     """Lines of `pieces`, short ones joined to a longer one that they lie in, end, or begin as a list's mark does."""
-    lines = [measure_line(components, members, parameters) for members in pieces]
+    lines = [measure_line(components, members) for members in pieces]
     boxes = np.array([line.box for line in lines])
     counts = np.array([len(members) for members in pieces])
     long = np.flatnonzero(counts >= _LONG)
     em = np.array([lines[index].em for index in long])
-    reach = np.column_stack([-parameters.mark_gap * em, 0.0 * em, parameters.end_gap * em, 0.0 * em])
+    reach = np.column_stack([-_MARK_GAP * em, 0.0 * em, _END_GAP * em, 0.0 * em])
     wide = boxes[long] + reach
     joined: dict[int, list[Indices]] = {}
     kept = np.ones(len(lines), dtype=bool)
@@ -91,14 +102,14 @@ def _join_fragments(
             kept[some[place]] = False
     for target, more in joined.items():
         members = np.concatenate([pieces[target], *more])
-        lines[target] = measure_line(components, members, parameters)
+        lines[target] = measure_line(components, members)
     return [line for line, keep in zip(lines, kept, strict=True) if keep]
 
 
-def measure_line(components: InkComponents, members: Indices, parameters: SegmentationParameters) -> Line:
+def measure_line(components: InkComponents, members: Indices) -> Line:
     """A line of the components `members`: baseline, em from the height of capitals and ascenders, strokes."""
     if len(members) == 1:
-        return _measure_glyph(components, members, parameters)
+        return _measure_glyph(components, members)
     boxes = components.boxes[members]
     x0, y0 = boxes[:, :2].min(axis=0).tolist()
     x1, y1 = boxes[:, 2:].max(axis=0).tolist()
@@ -119,22 +130,22 @@ def measure_line(components: InkComponents, members: Indices, parameters: Segmen
     capitals = _near_mean(rise, capitals, 0.12 * capitals)
     area = components.area[members]
     stroke = float((components.stroke[members] * area).sum() / area.sum())
-    em = max(capitals, 1.0) / parameters.capital_height
+    em = max(capitals, 1.0) / CAPITAL_HEIGHT
     small = quantile(rise, 0.4)
     # Words whose letters touch have no slant of their own.
     letters = tall & (boxes[:, 2] - boxes[:, 0] < 1.2 * height)
     slants = components.slant[members[letters]]
-    slant = median(slants) if len(slants) >= parameters.slanted_letters else None
+    slant = median(slants) if len(slants) >= RELIABLE_COMPONENTS else None
     return Line(members, (x0, y0, x1, y1), baseline, em, small, stroke, slant)
 
 
-def _measure_glyph(components: InkComponents, members: Indices, parameters: SegmentationParameters) -> Line:
+def _measure_glyph(components: InkComponents, members: Indices) -> Line:
     """`measure_line` of one component; dirty pages have hundreds."""
     glyph = int(members[0])
     x0, y0, x1, y1 = components.boxes[glyph].tolist()
     hang, area = float(components.hang[glyph]), components.area[glyph]
     rise = (y1 - y0) - hang
-    em = max(rise, 1.0) / parameters.capital_height
+    em = max(rise, 1.0) / CAPITAL_HEIGHT
     return Line(members, (x0, y0, x1, y1), y1 - hang, em, rise, float(components.stroke[glyph] * area / area))
 
 
@@ -202,23 +213,23 @@ def _without_bridges(components: InkComponents, glyphs: Indices) -> Indices:
     return np.asarray(glyphs[~bridges], dtype=np.intp)
 
 
-def _word_links(boxes: Boxes, parameters: SegmentationParameters) -> tuple[Indices, Indices]:
+def _word_links(boxes: Boxes) -> tuple[Indices, Indices]:
     i, j, gap, shared = _side_by_side(boxes)
     height = boxes[:, 3] - boxes[:, 1]
     larger, lower = np.maximum(height[i], height[j]), np.minimum(height[i], height[j])
-    linked = (gap < parameters.letter_gap * larger) & (shared > 0.5)
-    linked &= larger < parameters.tallest_partner * lower
+    linked = (gap < _LETTER_GAP * larger) & (shared > 0.5)
+    linked &= larger < TALLEST_PARTNER * lower
     return i[linked], j[linked]
 
 
-def _row_links(boxes: Boxes, parameters: SegmentationParameters) -> tuple[Indices, Indices]:
+def _row_links(boxes: Boxes) -> tuple[Indices, Indices]:
     """Links of words to the next word of their row; of two columns, too, where the gutter is narrow."""
     i, j, gap, shared = _side_by_side(boxes)
     height = boxes[:, 3] - boxes[:, 1]
     larger, lower = np.maximum(height[i], height[j]), np.minimum(height[i], height[j])
     # A word's box is 0.45 to 0.95 em high.
-    linked = (gap < parameters.widest_gap * np.minimum(larger, 1.6 * lower) / 0.8) & (shared > 0.55)
-    linked &= larger < parameters.tallest_partner * lower
+    linked = (gap < WIDEST_GAP * np.minimum(larger, 1.6 * lower) / 0.8) & (shared > 0.55)
+    linked &= larger < TALLEST_PARTNER * lower
     return i[linked], j[linked]
 
 

@@ -10,9 +10,33 @@ from numpy.typing import NDArray
 from services.layout.segmentation.components import Boxes, Indices
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.notes import note_starts
-from services.layout.segmentation.parameters import SegmentationParameters
-from services.layout.segmentation.text_lines import Line
+from services.layout.segmentation.text_lines import RELIABLE_COMPONENTS, Line
+from services.layout.segmentation.typical_print import (
+    EDGE_SLACK,
+    FULL_LINE,
+    ROW_REACH,
+    SIZE_STEP,
+    UNRELIABLE_STEP,
+    WEIGHT_STEP,
+    WIDEST_VALUE,
+)
 from services.order_statistics import median
+
+_SLANT_STEP = 0.11
+"""Italics lean by 0.2 more than upright letters; figures and capitals blur that."""
+_LEADING_STEP = 1.22
+"""A line space wider than the next by this factor divides blocks."""
+_LARGEST_LEADING = 1.75
+"""Wider spacing needs full lines on both sides (a letter in double spacing)."""
+_INDENT = 0.7
+"""First lines of paragraphs begin by this much to the right of the others, at least."""
+_FOOT_OF_TEXT = 0.5
+"""Notes after a letter's body are below this share of the page's height."""
+_PARAGRAPH_LEADING = 1.45
+"""From here on a line that ends early ends its paragraph: the space may be that between paragraphs. Below it a head and
+what it heads, narrow lines with an edge in common, stay together, bold or not."""
+_EARLY_END = 3.5
+"""A line ends early if it leaves this much space: the next word would have fitted."""
 
 
 def group_lines(
@@ -20,30 +44,27 @@ def group_lines(
     begins: set[int],
     components: InkComponents,
     page_height: float,
-    parameters: SegmentationParameters,
 ) -> list[list[int]]:
     """Indices of the lines of every zone, from the top down; the lines `begins` begin a zone each.
 
     `components` are those that the lines' members number; `page_height` in their pixels.
     """
     blocks: list[list[int]] = []
-    foot = parameters.foot_of_text * page_height
-    chains = _chains(lines, components, parameters)
+    foot = _FOOT_OF_TEXT * page_height
+    chains = _chains(lines, components)
     marks = _marks(lines, components)
     for part in (part for chain in chains for part in _cut(chain, _positions(chain, begins))):
-        for block in _split_at_leading(lines, part, marks, parameters):
-            for note in _cut(block, note_starts(lines, block, components, foot, parameters)):
-                blocks.extend(_split_paragraphs(lines, note, parameters))
+        for block in _split_at_leading(lines, part, marks):
+            for note in _cut(block, note_starts(lines, block, components, foot)):
+                blocks.extend(_split_paragraphs(lines, note))
     return blocks
 
 
-def _chains(
-    lines: Sequence[Line], components: InkComponents, parameters: SegmentationParameters
-) -> list[list[int]]:
+def _chains(lines: Sequence[Line], components: InkComponents) -> list[list[int]]:
     """Lines linked to the one next below where it is theirs alone, and set alike."""
     if not lines:
         return []
-    below = _next_below(lines, components, parameters)
+    below = _next_below(lines, components)
     above = {j: i for i, j in below.items()}
     chains = []
     for start in range(len(lines)):
@@ -56,9 +77,7 @@ def _chains(
     return chains
 
 
-def _next_below(
-    lines: Sequence[Line], components: InkComponents, parameters: SegmentationParameters
-) -> dict[int, int]:
+def _next_below(lines: Sequence[Line], components: InkComponents) -> dict[int, int]:
     boxes: Boxes = np.array([line.box for line in lines])
     baseline = np.array([line.baseline for line in lines])
     em = np.array([line.em for line in lines])
@@ -68,7 +87,7 @@ def _next_below(
     down = baseline[None, :] - baseline[:, None]
     smaller = np.minimum(em[:, None], em[None, :])
     reachable = (shared > 0) & (down > 0.4 * smaller)
-    reachable &= down < parameters.double_leading * np.maximum(em[:, None], em[None, :])
+    reachable &= down < ROW_REACH * np.maximum(em[:, None], em[None, :])
     distance = np.where(reachable, down, np.inf)
     nearest_below, nearest_above = np.min(distance, axis=1), np.min(distance, axis=0)
     level = 0.5 * em
@@ -79,14 +98,12 @@ def _next_below(
     alone = (np.sum(of_below & reachable, axis=1) == 1)[:, None] & (np.sum(of_above & reachable, axis=0) == 1)
     linked &= alone
     pairs = {int(i): int(j) for i, j in zip(*np.nonzero(linked), strict=True)}
-    alike = {i for i, j in pairs.items() if _set_alike(lines[i], lines[j], parameters)}
+    alike = {i for i, j in pairs.items() if _set_alike(lines[i], lines[j])}
     marks = _marks(lines, components)
-    above_of = {j: i for i, j in pairs.items()}
     for i, j in pairs.items():
-        near = [lines[k].baseline - lines[above_of[k]].baseline for k in (i, pairs.get(j)) if k in above_of]
-        if _is_evenly_set(lines[i], lines[j], near, parameters) or _are_items(lines, i, j, marks, parameters):
+        if _are_items(lines, i, j, marks):
             alike.add(i)
-        if j in pairs and _is_odd_one(lines[i], lines[j], lines[pairs[j]], parameters):
+        if j in pairs and _is_odd_one(lines[i], lines[j], lines[pairs[j]]):
             alike |= {i, j}
     return {i: j for i, j in pairs.items() if i in alike}
 
@@ -106,66 +123,40 @@ def _marks(lines: Sequence[Line], components: InkComponents) -> NDArray[np.float
     return heights
 
 
-def _are_items(
-    lines: Sequence[Line], a: int, b: int, marks: NDArray[np.float64], parameters: SegmentationParameters
-) -> bool:
+def _are_items(lines: Sequence[Line], a: int, b: int, marks: NDArray[np.float64]) -> bool:
     """Whether two short lines are items of a list: they have similar marks one below the other, at any distance."""
     em = max(lines[a].em, lines[b].em)
-    even = abs(lines[a].box[0] - lines[b].box[0]) < parameters.edge_slack * em
-    near = lines[b].baseline - lines[a].baseline < parameters.double_leading * em
-    near &= max(lines[a].width, lines[b].width) < parameters.widest_value * em
+    even = abs(lines[a].box[0] - lines[b].box[0]) < EDGE_SLACK * em
+    near = lines[b].baseline - lines[a].baseline < ROW_REACH * em
+    near &= max(lines[a].width, lines[b].width) < WIDEST_VALUE * em
     alike = min(marks[a], marks[b]) > 0 and max(marks[a], marks[b]) < 1.3 * min(marks[a], marks[b])
-    return bool(even and near and alike and em < parameters.unreliable_step * min(lines[a].em, lines[b].em))
+    return bool(even and near and alike and em < UNRELIABLE_STEP * min(lines[a].em, lines[b].em))
 
 
-def _is_evenly_set(
-    first: Line, second: Line, leadings: Sequence[float], parameters: SegmentationParameters
-) -> bool:
-    """Whether two lines that differ slightly in size or weight have the spacing of the lines around them.
-
-    `leadings` are the distances of the baselines above the first and below the second. Broken or blurred print
-    misleads measures of a line; it moves no baseline.
-    """
-    em, small = max(first.em, second.em), min(first.em, second.em)
-    distance = second.baseline - first.baseline
-    if not leadings or em > parameters.doubtful_step * small or first.width < parameters.full_line * em:
-        return False
-    # Much wider lines reach into the next column.
-    if second.width > 1.5 * first.width:
-        return False
-    if max(first.stroke / first.em, second.stroke / second.em) > 1.5 * min(
-        first.stroke / first.em, second.stroke / second.em
-    ):
-        return False
-    even = max(abs(distance - each) for each in leadings) < 0.06 * em
-    edges = abs(first.box[0] - second.box[0]) < parameters.edge_slack * em
-    return even and edges and distance < parameters.largest_leading * em
-
-
-def _is_odd_one(above: Line, line: Line, below: Line, parameters: SegmentationParameters) -> bool:
+def _is_odd_one(above: Line, line: Line, below: Line) -> bool:
     """Whether a line fits its column of print, and differs from it only in the measured size or weight.
 
     Few capitals, or letters whose strokes touch, mislead both.
     """
-    if not _set_alike(above, replace(below, baseline=line.baseline), parameters):
+    if not _set_alike(above, replace(below, baseline=line.baseline)):
         return False
     em = max(above.em, below.em)
     leadings = line.baseline - above.baseline, below.baseline - line.baseline
-    even = abs(leadings[0] - leadings[1]) < 0.08 * em and max(leadings) < parameters.largest_leading * em
+    even = abs(leadings[0] - leadings[1]) < 0.08 * em and max(leadings) < _LARGEST_LEADING * em
     edges = np.array([each.box for each in (above, line, below)])
-    left = float(np.ptp(edges[:, 0])) < parameters.edge_slack * em
-    right = float(np.ptp(edges[:2, 2])) < parameters.edge_slack * em
-    return even and left and right and line.width > parameters.full_line * em
+    left = float(np.ptp(edges[:, 0])) < EDGE_SLACK * em
+    right = float(np.ptp(edges[:2, 2])) < EDGE_SLACK * em
+    return even and left and right and line.width > FULL_LINE * em
 
 
-def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) -> bool:
+def _set_alike(first: Line, second: Line) -> bool:
     """Whether two lines may be of one block: of one size and weight, not too far apart."""
-    reliable = min(len(first.members), len(second.members)) >= parameters.reliable_components
+    reliable = min(len(first.members), len(second.members)) >= RELIABLE_COMPONENTS
     size = max(first.em, second.em) / min(first.em, second.em)
-    if size > parameters.unreliable_step:
+    if size > UNRELIABLE_STEP:
         return False
     small = max(first.small, second.small) / min(first.small, second.small)
-    if reliable and size > parameters.size_step and small > parameters.small_step:
+    if reliable and min(size, small) > SIZE_STEP:
         return False
     distance = second.baseline - first.baseline
     em = max(first.em, second.em)
@@ -173,36 +164,34 @@ def _set_alike(first: Line, second: Line, parameters: SegmentationParameters) ->
         # In running text a line may be in italics by chance; centred lines are parts of a title.
         middles = abs(sum(first.box[::2]) - sum(second.box[::2])) / 2
         centred = middles < em and abs(first.box[0] - second.box[0]) > em
-        if centred and abs(first.slant - second.slant) > parameters.slant_step:
+        if centred and abs(first.slant - second.slant) > _SLANT_STEP:
             return False
     weights = first.stroke / first.em, second.stroke / second.em
-    if reliable and max(weights) > parameters.weight_step * min(weights):
-        narrow = max(first.width, second.width) < parameters.full_line * em
+    if reliable and max(weights) > WEIGHT_STEP * min(weights):
+        narrow = max(first.width, second.width) < FULL_LINE * em
         edges = min(abs(first.box[0] - second.box[0]), abs(first.box[2] - second.box[2]))
-        if not narrow or edges > parameters.edge_slack * em or distance > parameters.tight * em:
+        if not narrow or edges > EDGE_SLACK * em or distance > _PARAGRAPH_LEADING * em:
             return False
-    if distance > parameters.largest_leading * em:
-        return min(first.width, second.width) > parameters.full_line * em
+    if distance > _LARGEST_LEADING * em:
+        return min(first.width, second.width) > FULL_LINE * em
     return True
 
 
-def _split_at_leading(
-    lines: Sequence[Line], chain: list[int], marks: NDArray[np.float64], parameters: SegmentationParameters
-) -> list[list[int]]:
+def _split_at_leading(lines: Sequence[Line], chain: list[int], marks: NDArray[np.float64]) -> list[list[int]]:
     """Parts of a chain within which the distance of baselines is even."""
     distance = np.diff([lines[index].baseline for index in chain])
     if len(distance) == 0:
         return [chain]
     padded = np.concatenate([[np.inf], distance, [np.inf]])
     beside = np.minimum(padded[:-2], padded[2:])
-    cuts = distance > parameters.leading_step * beside
+    cuts = distance > _LEADING_STEP * beside
     # Two lines alone have nothing to compare with.
     em = np.array([max(lines[a].em, lines[b].em) for a, b in pairwise(chain)])
     cuts |= ~np.isfinite(beside) & (distance > 1.5 * em)
     ends = _right_margin(lines, chain) - np.array([lines[index].box[2] for index in chain[:-1]])
-    cuts |= (distance > parameters.paragraph_leading * em) & (ends > parameters.early_end * em)
+    cuts |= (distance > _PARAGRAPH_LEADING * em) & (ends > _EARLY_END * em)
     for place, (a, b) in enumerate(pairwise(chain)):
-        if _are_items(lines, a, b, marks, parameters):
+        if _are_items(lines, a, b, marks):
             cuts[place] = False
     return _cut(chain, np.flatnonzero(cuts) + 1)
 
@@ -219,9 +208,7 @@ def _positions(chain: list[int], begins: set[int]) -> NDArray[np.intp]:
     return np.array([place for place, index in enumerate(chain) if index in begins], dtype=np.intp)
 
 
-def _split_paragraphs(
-    lines: Sequence[Line], block: list[int], parameters: SegmentationParameters
-) -> list[list[int]]:
+def _split_paragraphs(lines: Sequence[Line], block: list[int]) -> list[list[int]]:
     """A block cut before indented first lines."""
     if len(block) < 2:
         return [block]
@@ -230,10 +217,10 @@ def _split_paragraphs(
     em = median(np.array([lines[index].em for index in block]))
     step = np.diff(left)
     indented = np.zeros(len(block), dtype=bool)
-    indented[1:] = (step > parameters.indent * em) & (step < parameters.largest_indent * em)
+    indented[1:] = step > _INDENT * em
     back = np.zeros(len(block), dtype=bool)
-    back[1:-1] = np.abs(left[2:] - left[:-2]) < 0.5 * parameters.indent * em
-    back[-1] = len(block) > 2 and abs(left[-2] - median(left)) < 0.5 * parameters.indent * em
+    back[1:-1] = np.abs(left[2:] - left[:-2]) < 0.5 * _INDENT * em
+    back[-1] = len(block) > 2 and abs(left[-2] - median(left)) < 0.5 * _INDENT * em
     full = right > right.max() - 0.35 * (right.max() - left.min())
     cuts = indented & back & full
     return _cut(block, np.flatnonzero(cuts))

@@ -16,6 +16,7 @@ from services.mosaic.composition.patch_drawing import (
     prepare_patch,
 )
 from services.mosaic.composition.sharpness import (
+    TILE_PX,
     CellGrid,
     FloatMap,
     PatchMaps,
@@ -26,15 +27,9 @@ from services.mosaic.composition.sharpness import (
 from services.mosaic.composition.word_votes import decide_cells, decide_words, fade_weights, unite_ink
 from services.mosaic.placed_photo import PlacedPhoto
 
-
-@dataclass(frozen=True, slots=True)
-class CompositionParameters:
-    """Sizes of tiles and of transitions."""
-
-    tile_px: int = 768
-    """Side of a tile, mosaic pixels: maps and colours of a tile then take a few megabytes."""
-    fade: float = 1.5
-    """Width of the transition between two photos' backgrounds, text heights."""
+# Sizes of tiles and of transitions.
+FADE = 1.5
+"""Width of the transition between two photos' backgrounds, text heights."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,24 +60,23 @@ def compose_page(
     text_height_px
         Text height on the page, mosaic pixels.
     """
-    p = CompositionParameters()
     patches = [prepare_patch(one, width, height) for one in placed]
     grid = choose_cells(width, height, text_height_px)
     maps = [measure_patch(patch, grid) for patch in patches]
     selective = composition == "selective"
-    weights = select_photos(maps, grid, p) if selective else [_feather(patch) for patch in maps]
-    image = _draw_page(patches, [patch.box for patch in maps], weights, grid, p)
+    weights = select_photos(maps, grid) if selective else [_feather(patch) for patch in maps]
+    image = _draw_page(patches, [patch.box for patch in maps], weights, grid)
     sharpness = [print_sharpness(patch) for patch in maps]
     sharpest = max([*sharpness, 1e-9])
     return ComposedPage(image, tuple(value / sharpest for value in sharpness))
 
 
-def select_photos(maps: Sequence[PatchMaps], grid: CellGrid, p: CompositionParameters) -> list[GrayImage]:
+def select_photos(maps: Sequence[PatchMaps], grid: CellGrid) -> list[GrayImage]:
     """Weights (0-255) of each photo in the cells of its box (4.4)."""
     ink = unite_ink(maps, grid.rows, grid.columns)
     cells = decide_cells(maps, ink, grid.text_height)
     decisions = decide_words(maps, ink, cells, grid.text_height)
-    return fade_weights(maps, decisions, grid.text_height, p.fade)
+    return fade_weights(maps, decisions, grid.text_height, FADE)
 
 
 def _feather(patch: PatchMaps) -> GrayImage:
@@ -94,16 +88,12 @@ def _feather(patch: PatchMaps) -> GrayImage:
 
 
 def _draw_page(
-    patches: Sequence[DrawablePatch],
-    boxes: Sequence[Rectangle],
-    weights: Sequence[GrayImage],
-    grid: CellGrid,
-    p: CompositionParameters,
+    patches: Sequence[DrawablePatch], boxes: Sequence[Rectangle], weights: Sequence[GrayImage], grid: CellGrid
 ) -> RgbImage:
     """Weighted mean of the patches, drawn tile by tile."""
     image = np.full((grid.height, grid.width, 3), 255, np.uint8)
     page = Rectangle(0, 0, grid.width, grid.height)
-    step = max(p.tile_px // grid.side, 1)
+    step = max(TILE_PX // grid.side, 1)
     for top in range(0, grid.rows, step):
         for left in range(0, grid.columns, step):
             cells = Rectangle(left, top, step, step)

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import to_resized
 from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid, take_values
+from services.mosaic.light.canvas import OUTSIDE_PX, RIM_PX
 from services.mosaic.light.tones import apply_tones
 from services.mosaic.placed_photo import PlacedPhoto
 
 LARGEST_REDUCTION = 1.3
 """Photo pixels per mosaic pixel up to which interpolation skips no photo pixel."""
-RIM_PX = 2.0
-"""Border of the photo that is left out, because interpolation reaches beyond the photo there."""
 MAX_REDUCTION = 12.0
 """Largest number of photo pixels per mosaic pixel; a larger value means that this is not the page."""
 
@@ -24,8 +23,6 @@ MARGIN_STEPS = 1.5
 """Margin within the shown part, steps of the map's grid: interpolation reaches one node beyond a pixel."""
 KNOWN = 0.999
 """Weight, interpolated between nodes, from which all nodes around a pixel are known."""
-OUTSIDE_PX = -1e4
-"""Place of points that a photo does not show: outside of it, also after interpolation."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,31 +17,27 @@ from services.mosaic.composition.patch_drawing import DrawablePatch, Rectangle, 
 FloatMap = NDArray[np.float32]
 
 
-@dataclass(frozen=True, slots=True)
-class SharpnessParameters:
-    """Lengths in text heights; brightness relative to the bare paper."""
-
-    cells_per_text_height: float = 9.0
-    """A stroke is then about one cell wide, and the gap between two text lines a few cells."""
-    most_cells: float = 3e6
-    """Largest number of cells of a page; limits the memory of all maps."""
-    tile_px: int = 1024
-    """Side of the tiles in which gradients are measured."""
-    paper_window: float = 2.5
-    """Window, wider than any stroke of text, whose brightest pixels are paper."""
-    ink_contrast: float = 0.1
-    """Least contrast of print: mean darkness of a cell relative to paper. Show-through has less."""
-    ink_gradient: float = 0.04
-    """Least RMS gradient of print per mosaic pixel. Light print and pictures have more, paper has less."""
-    ink_share: float = 0.25
-    """Least contrast and gradient relative to the strongest print within a text height. Weaker cells are the blurred
-    border of that print and would connect words."""
-    noise_factor: float = 3.0
-    """Least gradient of print relative to the gradient of bare paper."""
-    least_print: float = 0.005
-    """Added to the share of print in a window: with less print than this there is no comparison."""
-    window: float = 3.0
-    """Window over which sharpness is averaged. It is wide, because focus varies slowly and print varies fast."""
+# Lengths in text heights; brightness relative to the bare paper.
+CELLS_PER_TEXT_HEIGHT = 9.0
+"""A stroke is then about one cell wide, and the gap between two text lines a few cells."""
+MOST_CELLS = 3e6
+"""Largest number of cells of a page; limits the memory of all maps."""
+TILE_PX = 768
+"""Side of the tiles in which gradients are measured."""
+WINDOW = 2.5
+"""Window, wider than any stroke of text, whose brightest pixels are paper, and over which sharpness is averaged: focus
+varies slowly and print varies fast."""
+INK_CONTRAST = 0.1
+"""Least contrast of print: mean darkness of a cell relative to paper. Show-through has less."""
+INK_GRADIENT = 0.04
+"""Least RMS gradient of print per mosaic pixel. Light print and pictures have more, paper has less."""
+INK_SHARE = 0.25
+"""Least contrast and gradient relative to the strongest print within a text height. Weaker cells are the blurred
+border of that print and would connect words."""
+NOISE_FACTOR = 3.0
+"""Least gradient of print relative to the gradient of bare paper."""
+LEAST_PRINT = 0.005
+"""Added to the share of print in a window: with less print than this there is no comparison."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,21 +98,19 @@ class PatchMaps:
 
 def choose_cells(width: int, height: int, text_height_px: float) -> CellGrid:
     """Grid of cells fine enough to separate text of `text_height_px` mosaic pixels from its background."""
-    p = SharpnessParameters()
-    fine = max(1, round(text_height_px / p.cells_per_text_height))
-    side = max(fine, int(np.ceil(np.sqrt(width * height / p.most_cells))))
+    fine = max(1, round(text_height_px / CELLS_PER_TEXT_HEIGHT))
+    side = max(fine, int(np.ceil(np.sqrt(width * height / MOST_CELLS))))
     return CellGrid(width, height, side, max(text_height_px / side, 1.0))
 
 
 def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
     """The maps of one photo, measured in gray, tile by tile."""
-    p = SharpnessParameters()
     box = grid.cells(patch.box)
     shape = (box.height, box.width)
     covered, gray = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
     energy = np.zeros((*shape, 2), np.float32)
     gray_source = luminance(patch.source)
-    step = max(p.tile_px // grid.side, 1)
+    step = max(TILE_PX // grid.side, 1)
     for top in range(box.top, box.bottom, step):
         for left in range(box.left, box.right, step):
             cells = Rectangle(left, top, step, step).meet(box)
@@ -132,7 +126,7 @@ def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
             energy[at] = _squared_gradient(drawn, size)
             whole = np.ascontiguousarray(found.covered[1:-1, 1:-1])
             covered[at] = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
-    return _relate_to_paper(box, covered, gray, energy, grid.text_height, p)
+    return _relate_to_paper(box, covered, gray, energy, grid.text_height)
 
 
 def compare_sharpness(maps: PatchMaps, ink: GrayImage, text_height: float) -> FloatMap:
@@ -142,12 +136,11 @@ def compare_sharpness(maps: PatchMaps, ink: GrayImage, text_height: float) -> Fl
     is sharp in one direction only, and unreadable. `ink` (rows, columns) is the print of all photos together, so that
     all photos are compared at the same places.
     """
-    p = SharpnessParameters()
     printed = ink[maps.box.within(Rectangle(0, 0, ink.shape[1], ink.shape[0]))]
     asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
-    share = _average(asked, p.window * text_height)
-    total = _average(maps.energy * asked[..., None], p.window * text_height)
-    both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(p.least_print))
+    share = _average(asked, WINDOW * text_height)
+    total = _average(maps.energy * asked[..., None], WINDOW * text_height)
+    both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(LEAST_PRINT))
     return np.asarray(np.sqrt(np.sqrt(both)), np.float32)
 
 
@@ -170,34 +163,29 @@ def _squared_gradient(gray: GrayImage, size: tuple[int, int]) -> FloatMap:
 
 
 def _relate_to_paper(
-    box: Rectangle,
-    covered: GrayImage,
-    gray: GrayImage,
-    energy: FloatMap,
-    text_height: float,
-    p: SharpnessParameters,
+    box: Rectangle, covered: GrayImage, gray: GrayImage, energy: FloatMap, text_height: float
 ) -> PatchMaps:
     """Brightness and gradients relative to the paper, so that light and exposure have no effect."""
     if covered.size == 0:
         return PatchMaps(box, covered, gray, energy, energy[..., 0])
     shown = covered == 255
-    side = 2 * round(0.5 * p.paper_window * text_height) + 1
+    side = 2 * round(0.5 * WINDOW * text_height) + 1
     kernel = np.ones((side, side), np.uint8)
     brightest = cv2.dilate(np.where(shown, gray, 0).astype(np.uint8), kernel)
     paper = cv2.erode(np.where(shown, brightest, 255).astype(np.uint8), kernel).astype(np.float32)
     weight = shown.astype(np.float32)
-    window = p.paper_window * text_height
+    window = WINDOW * text_height
     smooth = _average(paper * weight, window) / np.maximum(_average(weight, window), 1e-3)
     smooth = np.maximum(smooth, 1.0).astype(np.float32)
     relative = gray / smooth
     energy = np.where(shown[..., None], energy / np.square(smooth)[..., None], 0).astype(np.float32)
     near = np.ones((2 * round(0.5 * text_height) + 1,) * 2, np.uint8)
     contrast = np.where(shown, 1 - relative, 0).astype(np.float32)
-    dark = _strength(contrast, near, p.ink_contrast, p.ink_share)
-    bare = shown & (relative > 1 - 0.5 * p.ink_contrast)
+    dark = _strength(contrast, near, INK_CONTRAST, INK_SHARE)
+    bare = shown & (relative > 1 - 0.5 * INK_CONTRAST)
     noise = np.median(energy[bare], axis=0) if bare.any() else np.zeros(2)
-    least = max(p.ink_gradient, p.noise_factor * float(np.sqrt(noise.sum())))
-    ink = cv2.max(dark, _strength(np.sqrt(energy.sum(axis=2)), near, least, p.ink_share))
+    least = max(INK_GRADIENT, NOISE_FACTOR * float(np.sqrt(noise.sum())))
+    ink = cv2.max(dark, _strength(np.sqrt(energy.sum(axis=2)), near, least, INK_SHARE))
     without_noise = np.maximum(energy - noise.astype(np.float32), 0)
     # Outside of its box the photo shows nothing; outside of the page nothing is needed.
     inset = cv2.distanceTransform(np.pad(shown.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]

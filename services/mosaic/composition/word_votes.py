@@ -16,31 +16,28 @@ Labels = NDArray[np.int16]
 """(rows, columns) index of a photo in the input sequence, -1 where no photo shows anything."""
 
 
-@dataclass(frozen=True, slots=True)
-class WordVoteParameters:
-    """Lengths in text heights."""
-
-    steps: tuple[tuple[float, float, float], ...] = (
-        (0.28, 0.14, 0.0),
-        (0.14, 0.1, 0.0),
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.5),
-        (0.0, 0.0, 0.75),
-    )
-    """Per step: dilation of print across and down, and the least strength of print, 0-1. With a dilation of at most
-    half the gap between words, and half that between lines, components are mostly words. A component that no photo
-    shows completely is split by the next step, with less dilation, finally into dark parts of letters."""
-    border_bonus: float = 0.15
-    """Bonus on sharpness far from the photo's border. Between about equally sharp photos the distance to the border
-    then decides, which is a smooth function."""
-    border_distance: float = 10.0
-    """Distance to the border with half of the bonus."""
-    word_height: float = 3.5
-    """Largest height of a word, including headings; a higher component is a picture, a table, or merged lines."""
-    word_aspect: float = 6.0
-    """Largest ratio of width to height of a word; a wider component is several words."""
-    rule_length: float = 6.0
-    """Length from which a thin line is a rule; rules would connect words."""
+# Lengths in text heights.
+STEPS = (
+    (0.28, 0.14, 0.0),
+    (0.14, 0.1, 0.0),
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.5),
+    (0.0, 0.0, 0.75),
+)
+"""Per step: dilation of print across and down, and the least strength of print, 0-1. With a dilation of at most
+half the gap between words, and half that between lines, components are mostly words. A component that no photo
+shows completely is split by the next step, with less dilation, finally into dark parts of letters."""
+BORDER_BONUS = 0.15
+"""Bonus on sharpness far from the photo's border. Between about equally sharp photos the distance to the border
+then decides, which is a smooth function."""
+BORDER_DISTANCE = 10.0
+"""Distance to the border with half of the bonus."""
+WORD_HEIGHT = 3.5
+"""Largest height of a word, including headings; a higher component is a picture, a table, or merged lines."""
+WORD_ASPECT = 6.0
+"""Largest ratio of width to height of a word; a wider component is several words."""
+RULE_LENGTH = 6.0
+"""Length from which a thin line is a rule; rules would connect words."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +68,6 @@ def unite_ink(maps: Sequence[PatchMaps], rows: int, columns: int) -> GrayImage:
 
 def decide_cells(maps: Sequence[PatchMaps], ink: GrayImage, text_height: float) -> Labels:
     """The sharpest photo of each single cell; among equally sharp photos, the one whose border is farther away."""
-    p = WordVoteParameters()
     page = Rectangle(0, 0, ink.shape[1], ink.shape[0])
     labels = np.full(ink.shape, -1, np.int16)
     best = np.zeros(ink.shape, np.float32)
@@ -79,8 +75,8 @@ def decide_cells(maps: Sequence[PatchMaps], ink: GrayImage, text_height: float) 
         if patch.covered.size == 0:
             continue
         at = patch.box.within(page)
-        far = patch.inset / (patch.inset + np.float32(p.border_distance * text_height))
-        score = compare_sharpness(patch, ink, text_height) * (1 + np.float32(p.border_bonus) * far)
+        far = patch.inset / (patch.inset + np.float32(BORDER_DISTANCE * text_height))
+        score = compare_sharpness(patch, ink, text_height) * (1 + np.float32(BORDER_BONUS) * far)
         # Without print only the distance decides. A cell that a photo shows partly is used if no photo shows it better.
         score += np.float32(1e-3) * (1 + far)
         score *= patch.covered.astype(np.float32) / 255
@@ -96,12 +92,11 @@ def decide_words(maps: Sequence[PatchMaps], ink: GrayImage, cells: Labels, text_
     A component that no photo shows completely is split by less dilation. So is a component of several words if the
     majority's photo does not show all of it. The remaining cells keep their own choice.
     """
-    p = WordVoteParameters()
     labels, whole = cells.copy(), np.zeros(ink.shape, bool)
     printed = np.asarray(ink > 0)
-    todo = np.asarray(printed & ~_rules(printed, p.rule_length * text_height))
-    last = len(p.steps) - 1
-    for number, (across, down, strength) in enumerate(p.steps):
+    todo = np.asarray(printed & ~_rules(printed, RULE_LENGTH * text_height))
+    last = len(STEPS) - 1
+    for number, (across, down, strength) in enumerate(STEPS):
         if strength > 0:
             todo = np.asarray(_thin(todo, text_height) & (ink > 255 * strength))
         kernel = np.ones((2 * _reach(down, text_height) + 1, 2 * _reach(across, text_height) + 1), np.uint8)
@@ -113,7 +108,7 @@ def decide_words(maps: Sequence[PatchMaps], ink: GrayImage, cells: Labels, text_
         decided = held.max(axis=1) >= 0
         if number < last:
             width, height = stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]
-            word = (height <= p.word_height * text_height) & (width <= p.word_aspect * height)
+            word = (height <= WORD_HEIGHT * text_height) & (width <= WORD_ASPECT * height)
             decided &= (held.max(axis=1) == votes.max(axis=1)) | (word & (number > 0))
         decided[0] = False
         chosen = decided[components]

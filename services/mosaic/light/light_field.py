@@ -1,7 +1,6 @@
 """Smooth gains that equalize the light of overlapping views (4.4)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -20,32 +19,26 @@ WIDER_WEIGHT = 0.01
 """Weight of a window over that of the next narrower one, so that the narrowest with data decides."""
 
 
-@dataclass(frozen=True, slots=True)
-class LightParameters:
-    """Lengths relative to a view's long side; gains are compared as logarithms."""
-
-    nodes: int = 7
-    """Nodes of the smooth field along the long side; they model vignetting to half a per cent."""
-    stiffness: float = 1.0
-    """Cost of a unit difference between neighbouring nodes relative to a block's residual. It is a twentieth of the
-    weight of the blocks between the nodes, so that data decide if there are any."""
-    robust_scale: float = 0.03
-    """Scale of the Cauchy loss. Smooth changes of light leave smaller residuals; shadow edges and glare larger ones."""
-    iterations: int = 8
-    """Iterations of reweighting; weights converge to a few per cent in six."""
-    closing_px: int = 15
-    """Size of the morphological closing, canvas pixels: wider than a headline's strokes on a view of 600 pixels."""
-    bright_share: float = 0.85
-    """Light is compared where colours have at least this share of the largest brightness nearby. Ink is darker in a
-    sharp photo than in a blurred or hazy one, so it gives no information about light."""
-    shown_share: float = 0.7
-    """Least share of a block that a photo shows: two photos see different parts of a half-shown block."""
-    clipped_discount: float = 0.9
-    """Share of a block's weight that is lost where all of it is clipped: a clipped colour is a lower bound."""
-    least_bright: float = 0.1
-    """Least share of a block that is bright, and so shows the light."""
-    gauge: float = 1e-6
-    """Weight of a prior of gain 1 at every node. It determines only what data leave free: the mean over all photos."""
+# Lengths relative to a view's long side; gains are compared as logarithms.
+NODES = 7
+"""Nodes of the smooth field along the long side; they model vignetting to half a per cent."""
+ROBUST_SCALE = 0.03
+"""Scale of the Cauchy loss. Smooth changes of light leave smaller residuals; shadow edges and glare larger ones."""
+ITERATIONS = 8
+"""Iterations of reweighting; weights converge to a few per cent in six."""
+CLOSING_PX = 15
+"""Size of the morphological closing, canvas pixels: wider than a headline's strokes on a view of 600 pixels."""
+BRIGHT_SHARE = 0.85
+"""Light is compared where colours have at least this share of the largest brightness nearby. Ink is darker in a
+sharp photo than in a blurred or hazy one, so it gives no information about light."""
+SHOWN_SHARE = 0.7
+"""Least share of a block that a photo shows: two photos see different parts of a half-shown block."""
+CLIPPED_DISCOUNT = 0.9
+"""Share of a block's weight that is lost where all of it is clipped: a clipped colour is a lower bound."""
+LEAST_BRIGHT = 0.1
+"""Least share of a block that is bright, and so shows the light."""
+GAUGE = 1e-6
+"""Weight of a prior of gain 1 at every node. It determines only what data leave free: the mean over all photos."""
 
 
 def fit_light(views: Sequence[CanvasView]) -> list[Floats]:
@@ -54,20 +47,20 @@ def fit_light(views: Sequence[CanvasView]) -> list[Floats]:
     The gains make overlapping views agree. They solve one robust least-squares problem over the colour ratios of all
     blocks that two views share, with a smoothness cost. The result does not depend on the order of the views.
     """
-    p = LightParameters()
-    shapes = [_node_shape(view.shown.shape, p.nodes) for view in views]
+    shapes = [_node_shape(view.shown.shape, NODES) for view in views]
     starts = np.concatenate([[0], np.cumsum([rows * columns for rows, columns in shapes])])
     normal = np.zeros((starts[-1], starts[-1]))
     for shape, start, end in zip(shapes, starts[:-1], starts[1:], strict=True):
-        normal[start:end, start:end] = p.stiffness * _roughness(*shape) + p.gauge * np.eye(end - start)
-    pairs = _shared_blocks(views, shapes, p)
+        # A twentieth of the weight of the blocks between the nodes: data decide where there are any.
+        normal[start:end, start:end] = _roughness(*shape) + GAUGE * np.eye(end - start)
+    pairs = _shared_blocks(views, shapes)
     logs: Floats = np.zeros((starts[-1], 3))
-    for _ in range(p.iterations):
+    for _ in range(ITERATIONS):
         A, b = normal.copy(), np.zeros_like(logs)
         for i, j, Bi, Bj, ratio, weight in pairs:
             si, sj = slice(starts[i], starts[i + 1]), slice(starts[j], starts[j + 1])
             residual = Bi @ logs[si] - Bj @ logs[sj] - ratio
-            robust = weight * cauchy_weights(np.sqrt((residual**2).mean(axis=1)), p.robust_scale)
+            robust = weight * cauchy_weights(np.sqrt((residual**2).mean(axis=1)), ROBUST_SCALE)
             Wi, Wj = Bi.T * robust, Bj.T * robust
             A[si, si] += Wi @ Bi
             A[sj, sj] += Wj @ Bj
@@ -113,18 +106,17 @@ def node_field(nodes: Floats, height: int, width: int) -> FloatImage:
 
 def bright_parts(image: FloatImage) -> FloatImage:
     """Mask (H, W) float: 1 where `image` (H, W, 3) is about as bright as its surroundings, without ink, else 0."""
-    p = LightParameters()
     gray = strongest_channel(image)
-    around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((p.closing_px,) * 2, np.uint8))
-    return np.asarray((gray >= p.bright_share * around) & (gray >= DARKEST), np.float32)
+    around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((CLOSING_PX,) * 2, np.uint8))
+    return np.asarray((gray >= BRIGHT_SHARE * around) & (gray >= DARKEST), np.float32)
 
 
 def _shared_blocks(
-    views: Sequence[CanvasView], shapes: Sequence[tuple[int, int]], p: LightParameters
+    views: Sequence[CanvasView], shapes: Sequence[tuple[int, int]]
 ) -> list[tuple[int, int, Floats, Floats, Floats, Floats]]:
     """For every two views with shared blocks: their indices, the interpolation (N, nodes) of the blocks in each view,
     the logarithm of the colour ratios (N, 3), and weights (N,)."""
-    blocks = [_measure_blocks(view, p) for view in views]
+    blocks = [_measure_blocks(view) for view in views]
     bases = [
         np.kron(_interpolation(color.shape[0], rows), _interpolation(color.shape[1], columns)).reshape(
             *color.shape[:2], rows * columns
@@ -155,7 +147,7 @@ def _shared_blocks(
     return pairs
 
 
-def _measure_blocks(view: CanvasView, p: LightParameters) -> tuple[Floats, Floats]:
+def _measure_blocks(view: CanvasView) -> tuple[Floats, Floats]:
     """Log colour (rows, columns, 3) of the bright parts of every block, and its weight, 0 if it is unknown."""
     bright = bright_parts(view.image) * view.shown
     size = (view.shown.shape[1] // BLOCK_PX, view.shown.shape[0] // BLOCK_PX)
@@ -164,8 +156,8 @@ def _measure_blocks(view: CanvasView, p: LightParameters) -> tuple[Floats, Float
     color = cv2.resize(view.image * bright[..., None], size, interpolation=cv2.INTER_AREA).astype(np.float64)
     clipped = (strongest_channel(view.image) >= CLIPPED_LEVEL).astype(np.float32) * bright
     clipped_share = cv2.resize(clipped, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-6)
-    weight = np.where(shown > p.shown_share, share * (1 - p.clipped_discount * clipped_share), 0.0)
-    weight[share < p.least_bright] = 0.0
+    weight = np.where(shown > SHOWN_SHARE, share * (1 - CLIPPED_DISCOUNT * clipped_share), 0.0)
+    weight[share < LEAST_BRIGHT] = 0.0
     return np.log(np.maximum(color / np.maximum(share, 1e-6)[..., None], 1.0)), weight
 
 

@@ -37,31 +37,28 @@ PAPER_QUANTILE = 0.95
 """Share of the bright levels that are at most paper's: glare is brighter."""
 
 
-@dataclass(frozen=True, slots=True)
-class ToneParameters:
-    """Parameters of light matching and of levels."""
-
-    view_long_side_px: int = 600
-    """Long side of a photo's view on the canvas. At this size text still has paper between its lines."""
-    windows_cells: tuple[float, ...] = (1.5, 6.0, 24.0)
-    """Sizes of the Gaussian windows in which a photo's light is adapted to the mean. The first covers two text lines;
-    the others are used in dark parts of pictures."""
-    brightest_paper: float = 250.0
-    """Largest paper level after matching, unless the brightest photo has a larger one."""
-    tints_of_light: tuple[float, float] = (1.25, 1.5)
-    """Ratio of paper's strongest to its weakest channel: the largest that white balance may leave, and the least of
-    coloured paper. Lamps that a phone does not correct leave 1.1 to 1.3; pink and blue forms have 1.3 to 2."""
-    map_long_side: int = 400
-    """Long side of a tone map with levels. The levels are measured at this size, and follow a shadow's edge."""
-    gray_paper: float = 230.0
-    """Level of paper when each photo's own levels are measured: below white, to avoid clipping."""
-    well_within: float = 1 / 30
-    """Share of the page's long side: twice the width of each ring in which the edge of a picture is measured."""
-    largest_correction: float = 0.25
-    """Largest relative deviation of a photo's own paper level from that of all photos; beyond it, it is not paper."""
-    lightest_ink: float = 0.55
-    """Largest ink level, as a share of the paper level, that is made dark. It doubles the contrast. In a more blurred
-    photo the strokes would merge."""
+# Parameters of light matching and of levels.
+VIEW_LONG_SIDE_PX = 600
+"""Long side of a photo's view on the canvas. At this size text still has paper between its lines."""
+WINDOWS_CELLS = (1.5, 6.0, 24.0)
+"""Sizes of the Gaussian windows in which a photo's light is adapted to the mean. The first covers two text lines;
+the others are used in dark parts of pictures."""
+BRIGHTEST_PAPER = 250.0
+"""Largest paper level after matching, unless the brightest photo has a larger one."""
+TINTS_OF_LIGHT = (1.25, 1.5)
+"""Ratio of paper's strongest to its weakest channel: the largest that white balance may leave, and the least of
+coloured paper. Lamps that a phone does not correct leave 1.1 to 1.3; pink and blue forms have 1.3 to 2."""
+MAP_LONG_SIDE = 400
+"""Long side of a tone map with levels. The levels are measured at this size, and follow a shadow's edge."""
+GRAY_PAPER = 230.0
+"""Level of paper when each photo's own levels are measured: below white, to avoid clipping."""
+WELL_WITHIN = 1 / 30
+"""Share of the page's long side: twice the width of each ring in which the edge of a picture is measured."""
+LARGEST_CORRECTION = 0.25
+"""Largest relative deviation of a photo's own paper level from that of all photos; beyond it, it is not paper."""
+LIGHTEST_INK = 0.55
+"""Largest ink level, as a share of the paper level, that is made dark. It doubles the contrast. In a more blurred
+photo the strokes would merge."""
 
 
 def match_tones(
@@ -83,17 +80,16 @@ def match_tones(
     """
     if not photos:
         return ()
-    p = ToneParameters()
-    canvas, boxes = frame_canvas(photos, placements, p.view_long_side_px)
+    canvas, boxes = frame_canvas(photos, placements, VIEW_LONG_SIDE_PX)
     views = [
         draw_on_canvas(photo, placement, canvas, box)
         for photo, placement, box in zip(photos, placements, boxes, strict=True)
     ]
-    lights = match_light(views, canvas, p)
+    lights = match_light(views, canvas)
     if illumination != "keep":
-        lights = _with_neutral_paper(lights, p)
+        lights = _with_neutral_paper(lights)
     grids = [
-        _FlatGrid.over(photo, placement, canvas, p.map_long_side)
+        _FlatGrid.over(photo, placement, canvas, MAP_LONG_SIDE)
         for photo, placement in zip(photos, placements, strict=True)
     ]
     gains = [
@@ -102,12 +98,12 @@ def match_tones(
     ]
     levels = None
     if illumination != "keep":
-        levels = _page_levels(lights, p)
+        levels = _page_levels(lights)
     if levels is None:
         identity = np.array([1, 0, 0], np.float32)
         changes = [np.broadcast_to(identity, gain.shape) for gain in gains]
     else:
-        changes = _normalizations(photos, grids, gains, levels, canvas, p)
+        changes = _normalizations(photos, grids, gains, levels, canvas)
     return tuple(
         ToneMap(np.dstack([gain, change]), *photo.size)
         for photo, gain, change in zip(photos, gains, changes, strict=True)
@@ -128,7 +124,7 @@ class MatchedLight:
     inner: Mask
 
 
-def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) -> MatchedLight:
+def match_light(views: Sequence[CanvasView], canvas: Canvas) -> MatchedLight:
     """Gains that equalize all views: first smooth fields, then the ratio to the mean where views overlap.
 
     The mean weights each view by the distance to its border. Therefore it changes gradually into a view's own light
@@ -142,7 +138,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
     page = np.zeros((canvas.height, canvas.width, 3), np.float32)
     weight = np.zeros((canvas.height, canvas.width), np.float32)
     inner = np.zeros((canvas.height, canvas.width), bool)
-    well_within = p.well_within * max(canvas.height, canvas.width)
+    well_within = WELL_WITHIN * max(canvas.height, canvas.width)
     for view, gain in zip(views, fields, strict=True):
         inner[view.box] |= view.feather > well_within
         page[view.box] += view.image * gain * view.feather[..., None]
@@ -153,21 +149,21 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas, p: ToneParameters) 
     for view, gain in zip(views, fields, strict=True):
         compared = bright[view.box] * view.shown
         share = to_cells(compared)
-        there = spread(to_cells(page[view.box] * compared[..., None]), share, p.windows_cells)
-        here = spread(to_cells(view.image * gain * compared[..., None]), share, p.windows_cells)
+        there = spread(to_cells(page[view.box] * compared[..., None]), share, WINDOWS_CELLS)
+        here = spread(to_cells(view.image * gain * compared[..., None]), share, WINDOWS_CELLS)
         followed.append(to_cells(gain) * (there + 1) / (here + 1))
-    overall = _overall_gain(views, page, bright, p.brightest_paper)
+    overall = _overall_gain(views, page, bright, BRIGHTEST_PAPER)
     return MatchedLight(tuple(gain * overall for gain in followed), page * overall, weight > 0, inner)
 
 
-def _with_neutral_paper(lights: MatchedLight, p: ToneParameters) -> MatchedLight:
+def _with_neutral_paper(lights: MatchedLight) -> MatchedLight:
     """`lights` with neutral paper if its tint may come from the light; clearly coloured paper keeps its colour."""
     bright = bright_parts(lights.page)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
     if not bright.any():
         return lights
     paper = np.median(lights.page[::CELL_PX, ::CELL_PX][bright], axis=0)
     gains = paper.max() / np.maximum(paper, 1.0)
-    least, most = p.tints_of_light
+    least, most = TINTS_OF_LIGHT
     share = np.clip((most - gains.max()) / (most - least), 0, 1)
     gains = (gains**share).astype(np.float32)
     return replace(lights, fields=tuple(field * gains for field in lights.fields), page=lights.page * gains)
@@ -190,20 +186,20 @@ def _paper_level(image: FloatImage, bright: FloatImage) -> float:
     return float(np.quantile(levels, PAPER_QUANTILE)) if levels.size else 0.0
 
 
-def _page_levels(lights: MatchedLight, p: ToneParameters) -> Levels | None:
+def _page_levels(lights: MatchedLight) -> Levels | None:
     """Levels of the matched page, measured again with pictures replaced by paper; pictures count as not measured."""
-    image = _page_image(lights, p)
+    image = _page_image(lights)
     levels = measure_levels(image)
     if levels is None:
         return None
     return levels_beside_pictures(image, levels, find_pictures(levels, lights.inner))
 
 
-def _page_image(lights: MatchedLight, p: ToneParameters) -> NDArray[np.uint8]:
+def _page_image(lights: MatchedLight) -> NDArray[np.uint8]:
     """The matched page, 8 bits; paper like that nearby where no photo shows the page."""
     known = bright_parts(lights.page) * lights.shown
     share = to_cells(known)
-    around = spread(to_cells(lights.page * known[..., None]), share, p.windows_cells)
+    around = spread(to_cells(lights.page * known[..., None]), share, WINDOWS_CELLS)
     height, width = lights.shown.shape
     filled = cv2.resize(around, (width, height), interpolation=cv2.INTER_LINEAR)
     return np.clip(np.where(lights.shown[..., None], lights.page, filled) + 0.5, 0, 255).astype(np.uint8)
@@ -240,7 +236,6 @@ def _normalizations(
     gains: Sequence[FloatImage],
     levels: Levels,
     canvas: Canvas,
-    p: ToneParameters,
 ) -> list[FloatImage]:
     """Coefficients (rows, columns, 3) of `level_coefficients` for every photo, applied after its gains."""
     step = canvas.width / levels.paper.shape[1]
@@ -248,13 +243,13 @@ def _normalizations(
     for photo, grid, gain in zip(photos, grids, gains, strict=True):
         paper = grid.sample(levels.paper, 0, 0, step)
         measured = grid.sample(levels.measured, 0, 0, step)
-        own = measure_levels(_gray_paper_view(photo, gain / paper[..., None], measured, p))
+        own = measure_levels(_gray_paper_view(photo, gain / paper[..., None], measured))
         ink = None
         if own is not None:
             size = (grid.columns, grid.rows)
-            rest = np.log(cv2.resize(own.paper, size) / p.gray_paper)
+            rest = np.log(cv2.resize(own.paper, size) / GRAY_PAPER)
             trusted = cv2.resize(own.measured, size) * measured
-            limit = np.log1p(p.largest_correction)
+            limit = np.log1p(LARGEST_CORRECTION)
             # Fade out at the limit: a larger difference is not paper, or not the same paper.
             trusted = trusted * np.clip(2 - 2 * np.abs(rest) / limit, 0, 1)
             paper = paper * np.exp(rest * trusted).astype(np.float32)
@@ -265,14 +260,12 @@ def _normalizations(
     known = [float(np.median(ink)) for ink in inks if ink is not None]
     typical = np.float32(np.median(known) if known else 0.0)
     return [
-        level_coefficients(paper, np.minimum(typical if ink is None else ink, p.lightest_ink) * measured)
+        level_coefficients(paper, np.minimum(typical if ink is None else ink, LIGHTEST_INK) * measured)
         for paper, ink, measured in zip(papers, inks, shares, strict=True)
     ]
 
 
-def _gray_paper_view(
-    photo: FlatPhoto, gain: FloatImage, measured: FloatImage, p: ToneParameters
-) -> NDArray[np.uint8]:
+def _gray_paper_view(photo: FlatPhoto, gain: FloatImage, measured: FloatImage) -> NDArray[np.uint8]:
     """Reduced flat view with paper brought to `gray_paper` by `gain` (rows, columns, 3).
 
     Where the page's paper was not `measured` (rows, columns), as on a desk or a picture, the view is bare paper.
@@ -282,8 +275,8 @@ def _gray_paper_view(
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
     ratio = np.array([width / size[0], height / size[1]])
     image, shown = draw_reduced(photo, lambda view: to_resized(view, ratio), *size)
-    enlarged = cv2.resize(gain * np.float32(p.gray_paper), size, interpolation=cv2.INTER_LINEAR)
+    enlarged = cv2.resize(gain * np.float32(GRAY_PAPER), size, interpolation=cv2.INTER_LINEAR)
     view = np.asarray(cv2.multiply(image, enlarged, dtype=cv2.CV_8U), np.uint8)
     is_paper = cv2.resize(measured, size, interpolation=cv2.INTER_LINEAR) > 0.5
-    view[~(shown & is_paper)] = np.uint8(p.gray_paper)
+    view[~(shown & is_paper)] = np.uint8(GRAY_PAPER)
     return view

@@ -6,7 +6,7 @@ Residuals are measured in the photos' own pixels, so that neither the world fram
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -32,36 +32,30 @@ OWN_STEPS = 6
 """Steps of the fit of a single pair, which starts at its registration."""
 
 
-@dataclass(frozen=True, slots=True)
-class AdjustmentParameters:
-    """Lengths are relative to the mean diagonal of the views."""
-
-    bundle: BundleParameters = field(default_factory=BundleParameters)
-    contradicted_weight: float = 0.1
-    """Mean weight of matches below which a pair is contradicted: it is off by seven standard deviations."""
-    contradicted_residual: float = 0.001
-    """Least residual of a contradicted pair, about half a character; a smaller one is only inaccurate."""
-    least_departure: float = 0.0015
-    """Least RMS departure from a similarity, relative to half a diagonal: good rectifications have a pixel or two."""
-    prior_share: float = 0.7
-    """Factor on the median departure, which also contains match errors: the prior shrinks from pass to pass."""
-    prior_passes: int = 4
-    """Passes that shrink the prior, from a hundredth to the least departure."""
-    shrinking: float = 0.8
-    """Passes end when the prior keeps more than this share of its width."""
-    pass_step_px: float = 0.001
-    """Convergence of such a pass; the last solution uses the bundle's own."""
-    suspicious_weight: float = 0.4
-    """Mean weight below which a pair is left out on trial: it is off by three standard deviations."""
-    most_suspects: int = 5
-    """Largest number of pairs tried in turn; a false pair affects hardly more neighbours."""
-    trial_step_px: float = 0.01
-    trial_steps: int = 30
-    """Convergence and number of steps of a trial: a rough solution shows which pair it is."""
-    most_left_out: int = 3
-    """Largest number of pairs left out; pairs are verified before, so false ones are rare."""
-    gain: float = 0.8
-    """A pair is left out if this reduces the total loss to at most this share."""
+# Lengths are relative to the mean diagonal of the views.
+BUNDLE = BundleParameters()
+CONTRADICTED_WEIGHT = 0.1
+"""Mean weight of matches below which a pair is contradicted: it is off by seven standard deviations."""
+CONTRADICTED_RESIDUAL = 0.001
+"""Least residual of a contradicted pair, about half a character; a smaller one is only inaccurate."""
+LEAST_DEPARTURE = 0.0015
+"""Least RMS departure from a similarity, relative to half a diagonal: good rectifications have a pixel or two."""
+PRIOR_SHARE = 0.7
+"""Factor on the median departure, which also contains match errors: the prior shrinks from pass to pass."""
+PRIOR_PASSES = 4
+"""Passes that shrink the prior, from a hundredth to the least departure."""
+SHRINKING = 0.8
+"""Passes end when the prior keeps more than this share of its width."""
+SUSPICIOUS_WEIGHT = 0.4
+"""Mean weight below which a pair is left out on trial: it is off by three standard deviations."""
+MOST_SUSPECTS = 5
+"""Largest number of pairs tried in turn; a false pair affects hardly more neighbours."""
+TRIAL_STEP_PX = 0.01
+"""Convergence of trials, and of passes that shrink the prior: the last solution uses the bundle's own."""
+MOST_LEFT_OUT = 3
+"""Largest number of pairs left out; pairs are verified before, so false ones are rare."""
+GAIN = 0.8
+"""A pair is left out if this reduces the total loss to at most this share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +86,7 @@ class GlobalAdjustment:
 
 
 def adjust_globally(
-    sizes: Mapping[int, tuple[int, int]],
-    pairs: Sequence[PairRegistration],
-    parameters: AdjustmentParameters | None = None,
+    sizes: Mapping[int, tuple[int, int]], pairs: Sequence[PairRegistration]
 ) -> GlobalAdjustment:
     """Homographies of all photos of a connected component, from all its pairs together.
 
@@ -115,18 +107,17 @@ def adjust_globally(
     ValueError
         When the pairs do not connect the photos.
     """
-    p = parameters or AdjustmentParameters()
     photos = sorted(sizes)
     if len(photos) == 1:
         return GlobalAdjustment({photos[0]: np.eye(3)}, (), 0.0, True)
     bundle = Bundle.of(photos, sizes, pairs)
-    own = np.array([_own_deviation(bundle, k, p.bundle) for k in range(len(pairs))])
-    solution, left_out = _without_contradictions(bundle, len(photos), own, p)
-    solution = _as_frontal_as_known(bundle, solution, own, p, left_out)
+    own = np.array([_own_deviation(bundle, k, BUNDLE) for k in range(len(pairs))])
+    solution, left_out = _without_contradictions(bundle, len(photos), own)
+    solution = _as_frontal_as_known(bundle, solution, own, left_out)
     maps = solution.maps
     adjusted = []
     for k, (pair, weight) in enumerate(zip(pairs, solution.weights, strict=True)):
-        off = k in _suspects(bundle, solution, p.contradicted_weight, p)
+        off = k in _suspects(bundle, solution, CONTRADICTED_WEIGHT)
         adjusted.append(AdjustedPair(pair.a, pair.b, float(weight), bool(off)))
     # The world frame is the view of a photo of the best pair, to about a pixel.
     root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
@@ -146,21 +137,19 @@ def residual_px(pair: PairRegistration, placement_a: Placement, placement_b: Pla
     return float(np.sqrt((pair.weights * (apart**2).sum(axis=1)).sum() / total))
 
 
-def _without_contradictions(
-    bundle: Bundle, count: int, own: Vector, p: AdjustmentParameters
-) -> tuple[BundleSolution, frozenset[int]]:
+def _without_contradictions(bundle: Bundle, count: int, own: Vector) -> tuple[BundleSolution, frozenset[int]]:
     """The solution of all pairs, or of all except a few that contradict them, and the set of those.
 
     With few pairs a false pair can distort the others until the loss alone does not recover. Therefore each
     suspicious pair is left out on trial. It stays out if the loss of all pairs, including its own, then falls clearly.
     """
     left_out: frozenset[int] = frozenset()
-    best = solve_bundle(bundle, _chain(bundle, count, left_out), own, p.bundle, left_out)
-    roughly = replace(p.bundle, step_px=p.trial_step_px, most_steps=p.trial_steps)
-    for _ in range(p.most_left_out):
-        suspects = [k for k in _suspects(bundle, best, p.suspicious_weight, p) if k not in left_out]
+    best = solve_bundle(bundle, _chain(bundle, count, left_out), own, BUNDLE, left_out)
+    roughly = replace(BUNDLE, step_px=TRIAL_STEP_PX)
+    for _ in range(MOST_LEFT_OUT):
+        suspects = [k for k in _suspects(bundle, best, SUSPICIOUS_WEIGHT) if k not in left_out]
         trials = []
-        for k in suspects[: p.most_suspects]:
+        for k in suspects[:MOST_SUSPECTS]:
             without = left_out | {k}
             if _connected(bundle, count, without):
                 trials.append(
@@ -171,16 +160,16 @@ def _without_contradictions(
         deviation = min(solution.deviation_px for solution, _ in trials)
         widths = CAUCHY_WIDTH * np.maximum(own, min(deviation, best.deviation_px))
         losses = [_disagreement(bundle, solution.maps, widths) for solution, _ in trials]
-        if min(losses) > p.gain * _disagreement(bundle, best.maps, widths):
+        if min(losses) > GAIN * _disagreement(bundle, best.maps, widths):
             break
         best, left_out = trials[int(np.argmin(losses))]
     if left_out:
-        best = solve_bundle(bundle, best.maps, own, p.bundle, left_out)
+        best = solve_bundle(bundle, best.maps, own, BUNDLE, left_out)
     return best, left_out
 
 
 def _as_frontal_as_known(
-    bundle: Bundle, solution: BundleSolution, own: Vector, p: AdjustmentParameters, left_out: frozenset[int]
+    bundle: Bundle, solution: BundleSolution, own: Vector, left_out: frozenset[int]
 ) -> BundleSolution:
     """The solution with a prior on the views' rectifications in addition to the matches.
 
@@ -191,19 +180,19 @@ def _as_frontal_as_known(
     """
     points = PRIOR_POINTS[:, 0] + 1j * PRIOR_POINTS[:, 1]
     expected, prior = np.inf, None
-    roughly = replace(p.bundle, step_px=p.pass_step_px)
-    for _ in range(p.prior_passes):
+    roughly = replace(BUNDLE, step_px=TRIAL_STEP_PX)
+    for _ in range(PRIOR_PASSES):
         views = [ViewInWorld(points, transform_points(A, PRIOR_POINTS), 1.0) for A in solution.maps]
         agreed = agree_on_views(views, np.full(len(views), 1 / len(views)))
-        usual = max(p.prior_share * float(np.median(agreed.departures)), p.least_departure)
-        if usual > p.shrinking * expected:
+        usual = max(PRIOR_SHARE * float(np.median(agreed.departures)), LEAST_DEPARTURE)
+        if usual > SHRINKING * expected:
             break
         expected = usual
         # A view with a larger departure than the others gets a wider prior.
         prior = FrontalPrior(usual / np.sqrt(np.maximum(agreed.trust / agreed.trust.max(), 1e-12)))
         start = agreed.H_frontal_world @ solution.maps
         solution = solve_bundle(bundle, start, own, roughly, left_out, prior)
-    return solution if prior is None else solve_bundle(bundle, solution.maps, own, p.bundle, left_out, prior)
+    return solution if prior is None else solve_bundle(bundle, solution.maps, own, BUNDLE, left_out, prior)
 
 
 def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:
@@ -218,10 +207,10 @@ def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:
     return sum(losses)
 
 
-def _suspects(bundle: Bundle, solution: BundleSolution, weight: float, p: AdjustmentParameters) -> list[int]:
+def _suspects(bundle: Bundle, solution: BundleSolution, weight: float) -> list[int]:
     """Pairs with a weight below `weight` and a visible residual, the smallest weight first."""
     order = np.argsort(solution.weights, kind="stable")
-    far = p.contradicted_residual * bundle.diagonal
+    far = CONTRADICTED_RESIDUAL * bundle.diagonal
     return [int(k) for k in order if solution.weights[k] < weight and solution.medians[k] > far]
 
 

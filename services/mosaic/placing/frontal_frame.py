@@ -13,34 +13,30 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Homography, Mask, Points, Vector
 from services.geometry.homographies import denominators, scaling, transform_points, translation
+from services.geometry.page_frame import FramingParameters
 from services.mosaic.flat_photo import FlatPhoto
 from services.robust import cauchy_weights, geman_mcclure_weights
 
 Complex = NDArray[np.complex128]
 
 
-@dataclass(frozen=True, slots=True)
-class FrontalFrameParameters:
-    """Departures are RMS, relative to half a view's diagonal."""
-
-    usual_departure: float = 0.004
-    """Departure of a good rectification; views with a larger one get less trust."""
-    spread: float = 2.0
-    """Factor on the departure of most views; it replaces the usual departure if all are worse."""
-    most: float = 0.6
-    """Share of a majority: two of three, three of four; two against two are no majority."""
-    usual_turn_deg: float = 0.5
-    """Usual deviation of the text direction."""
-    detail_share: float = 0.85
-    """Share of the area that keeps all its pixels, as in framing; with few photos it includes the finest one."""
-    max_growth: float = 4.0
-    """Largest ratio of mosaic pixels to those of all photos; photos along a diagonal leave empty corners."""
-    max_pixels: float = 1e8
-    """Largest mosaic: about 16 photos of 12 megapixels with the usual overlap."""
-    max_side_px: int = 20000
-    """Largest side, as in framing."""
-    most_steps: int = 60
-    """Largest number of iterations; reweighting gains about a digit in three steps."""
+# Departures are RMS, relative to half a view's diagonal.
+USUAL_DEPARTURE = 0.004
+"""Departure of a good rectification; views with a larger one get less trust."""
+SPREAD = 2.0
+"""Factor on the departure of most views; it replaces the usual departure if all are worse."""
+MAJORITY = 0.6
+"""Share of a majority: two of three, three of four; two against two are no majority."""
+USUAL_TURN_DEG = 0.5
+"""Usual deviation of the text direction."""
+DETAIL_SHARE = 0.85
+"""Share of the area that keeps all its pixels, as in framing; with few photos it includes the finest one."""
+MAX_GROWTH = 4.0
+"""Largest ratio of mosaic pixels to those of all photos; photos along a diagonal leave empty corners."""
+MAX_PIXELS = 1e8
+"""Largest mosaic: about 16 photos of 12 megapixels with the usual overlap."""
+MOST_STEPS = 60
+"""Largest number of iterations; reweighting gains about a digit in three steps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,27 +86,26 @@ def agree_on_frontal_frame(
     The text of most photos is parallel to x. The photo with the finest detail keeps its resolution. The shown area
     starts at 0. The result does not depend on the order of the photos.
     """
-    p = FrontalFrameParameters()
     order = list(H_world_flat)
     weights = np.array([max(photos[k].weight, 1e-9) for k in order])
     outlines = [_outline(photos[k].shown) for k in order]
     views = [_view(outline, H_world_flat[k]) for k, outline in zip(order, outlines, strict=True)]
-    agreed = agree_on_views(views, weights / weights.sum(), p)
+    agreed = agree_on_views(views, weights / weights.sum())
     H_frontal_flat = [agreed.H_frontal_world @ H_world_flat[k] for k in order]
     # Frontal units per flat pixel.
     scales = np.array([1 / (abs(a) * v.half_diagonal_px) for a, v in zip(agreed.factors, views, strict=True)])
     areas = np.array([float(photos[k].shown.sum()) for k in order])
-    turn = _turn(-np.angle(agreed.factors), agreed.trust, weights, areas, p)
+    turn = _turn(-np.angle(agreed.factors), agreed.trust, weights, areas)
     native = np.array([photos[k].native_scale for k in order])
-    scale = _percentile(1 / (scales * native), areas * scales**2, p.detail_share)
+    scale = _percentile(1 / (scales * native), areas * scales**2, DETAIL_SHARE)
     upright = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
     low, high = _bounds([upright @ H for H in H_frontal_flat], outlines)
     extent = np.maximum(high - low, 1e-9)
     photo_pixels = sum(float(photos[k].photo.shape[0] * photos[k].photo.shape[1]) for k in order)
     scale = min(
         scale,
-        float(np.sqrt(min(p.max_pixels, p.max_growth * photo_pixels) / (extent[0] * extent[1]))),
-        p.max_side_px / float(extent.max()),
+        float(np.sqrt(min(MAX_PIXELS, MAX_GROWTH * photo_pixels) / (extent[0] * extent[1]))),
+        FramingParameters().longest_side_px / float(extent.max()),
     )
     H = scaling(scale) @ translation(-float(low[0]), -float(low[1])) @ upright @ agreed.H_frontal_world
     # The tolerance keeps the last pixel centre despite rounding errors.
@@ -148,22 +143,19 @@ def _view(outline: Points, H_world_flat: Homography, points: int = 7) -> ViewInW
     )
 
 
-def agree_on_views(
-    views: list[ViewInWorld], weights: Vector, parameters: FrontalFrameParameters | None = None
-) -> Agreement:
+def agree_on_views(views: list[ViewInWorld], weights: Vector) -> Agreement:
     """The frontal frame of `views` with `weights` (n,) of sum 1.
 
     Gauss-Newton on the departures from similarities, reweighted by the Geman-McClure loss. Each view's own similarity
     is eliminated (variable projection, with Kaufman's Jacobian). Four parameters of the frame remain: aspect, shear and
     two of foreshortening.
     """
-    p = parameters or FrontalFrameParameters()
     H = _frontal_of(views[int(np.argmax(weights))])
     every = transform_points(H, np.concatenate([view.world for view in views]))
     middle, extent = every.mean(axis=0), float(np.abs(every - every.mean(axis=0)).max())
     H = scaling(1 / extent) @ translation(-float(middle[0]), -float(middle[1])) @ H
     trust = weights
-    for _ in range(p.most_steps):
+    for _ in range(MOST_STEPS):
         A, g = 1e-12 * np.eye(4), np.zeros(4)
         departures, factors = np.zeros(len(views)), np.zeros(len(views), np.complex128)
         for k, view in enumerate(views):
@@ -178,7 +170,7 @@ def agree_on_views(
             g -= trust[k] * (J.conj().T @ r).real / len(z)
         aspect, shear, across, down = np.linalg.solve(A, g)
         H = np.array([[1 + aspect, shear, 0], [shear, 1 - aspect, 0], [across, down, 1]]) @ H
-        before, trust = trust, _trusted(departures, weights, p)
+        before, trust = trust, _trusted(departures, weights)
         if max(np.abs([aspect, shear, across, down]).max(), np.abs(trust - before).max()) < 1e-12:
             break
     return Agreement(H, factors, departures, trust)
@@ -207,20 +199,20 @@ def _motions(H: Homography, world: Points) -> tuple[Complex, Complex]:
     return z, np.stack([x - 1j * y, y + 1j * x, -x * z, -y * z], axis=1)
 
 
-def _trusted(departures: Vector, weights: Vector, p: FrontalFrameParameters) -> Vector:
+def _trusted(departures: Vector, weights: Vector) -> Vector:
     """Weights (n,) of the views, smaller for a larger departure than most. With two views neither is preferred."""
     if len(weights) < 3:
         return weights
-    usual = max(p.usual_departure, p.spread * _percentile(departures, weights, p.most))
+    usual = max(USUAL_DEPARTURE, SPREAD * _percentile(departures, weights, MAJORITY))
     trust = weights * geman_mcclure_weights(departures, usual)
     return np.asarray(trust / trust.sum())
 
 
-def _turn(angles: Vector, trust: Vector, weights: Vector, areas: Vector, p: FrontalFrameParameters) -> float:
+def _turn(angles: Vector, trust: Vector, weights: Vector, areas: Vector) -> float:
     """Direction of the page's x axis, radians: the views' mean modulo quarter turns, and the quarter of most text."""
-    usual = np.radians(p.usual_turn_deg)
+    usual = np.radians(USUAL_TURN_DEG)
     mean = float(np.angle((trust * np.exp(4j * angles)).sum())) / 4
-    for _ in range(p.most_steps):
+    for _ in range(MOST_STEPS):
         off = np.angle(np.exp(4j * (angles - mean))) / 4
         robust = trust * cauchy_weights(off, usual) if len(angles) > 2 else trust
         change = float((robust * off).sum() / robust.sum())

@@ -24,16 +24,19 @@ PRIOR_PRECISION = 4 * 0.5 / (0.5 * CAUCHY_WIDTH**2)
 """Weight of the prior: four independent errors with the probability of a match's error, in units of its loss."""
 
 
+# Lengths are relative to the views' diagonals, or pixels of a common resolution (the views' geometric mean).
+LEAST_DEVIATION_PX = 0.02
+"""Accuracy of block matching on print."""
+GREATEST_DEVIATION = 0.003
+"""Largest deviation on gently curved pages, relative to the diagonal. A larger one is a contradiction."""
+ANNEALING = 0.4
+"""Factor of the loss width per step, from the largest disagreement of a pair to the matches' own spread."""
+
+
 @dataclass(frozen=True, slots=True)
 class BundleParameters:
     """Lengths are relative to the views' diagonals, or pixels of a common resolution (the views' geometric mean)."""
 
-    least_deviation_px: float = 0.02
-    """Accuracy of block matching on print."""
-    greatest_deviation: float = 0.003
-    """Largest deviation on gently curved pages, relative to the diagonal. A larger one is a contradiction."""
-    annealing: float = 0.4
-    """Factor of the loss width per step, from the largest disagreement of a pair to the matches' own spread."""
     most_steps: int = 80
     """Enough for 20 halvings and 20 steps that each gain a digit or two."""
     step_px: float = 1e-6
@@ -177,7 +180,7 @@ def solve_bundle(
     counted = [k for k in range(count) if k not in left_out]
     confidences = [c if k not in left_out else 0 * c for k, c in enumerate(bundle.confidences)]
     bundle = replace(bundle, confidences=tuple(confidences))
-    least, most = p.least_deviation_px, max(p.greatest_deviation * bundle.diagonal, p.least_deviation_px)
+    least, most = LEAST_DEVIATION_PX, max(GREATEST_DEVIATION * bundle.diagonal, LEAST_DEVIATION_PX)
     maps, damping, converged = start, 1e-9, False
     distances = transfer_distances(bundle, maps)
     width = CAUCHY_WIDTH * max([least, *(float(np.median(distances[k])) for k in counted)])
@@ -186,8 +189,8 @@ def solve_bundle(
     for _ in range(p.most_steps):
         middle = float(np.median(np.concatenate([distances[k] for k in counted]))) / MEDIAN_LENGTH
         deviation = float(np.clip(middle, least, most))
-        settled = width * p.annealing <= CAUCHY_WIDTH * deviation
-        width = CAUCHY_WIDTH * deviation if settled else width * p.annealing
+        settled = width * ANNEALING <= CAUCHY_WIDTH * deviation
+        width = CAUCHY_WIDTH * deviation if settled else width * ANNEALING
         widths = np.maximum(width, CAUCHY_WIDTH * np.minimum(own, most))
         robust = [cauchy_weights(d, w) for d, w in zip(distances, widths, strict=True)]
         A, g = _normal_equations(bundle, maps, robust, widths, prior)

@@ -26,42 +26,35 @@ HELD_OUT_CELLS = 5
 """One cell in this number is held out."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResidualWarpParameters:
-    """Lengths are relative to the text height; shares are 0-1."""
-
-    node_spacing: float = 4.0
-    """Pages curve over tens of text heights, creases over a few; block matches are about two apart."""
-    most_nodes: int = 24
-    """Largest number of nodes along a side."""
-    most_nodes_in_all: int = 3000
-    """Largest number of nodes of all views, approximately; 16 photos then take a second or two."""
-    reach: float = 0.1
-    """Length, relative to a view's diagonal, over which a displacement changes and, outside of overlaps, vanishes."""
-    worthwhile: float = 0.02
-    """Least RMS worth a correction: half a pixel at 300 dpi."""
-    gain: float = 0.7
-    """Largest remaining share of the RMS of held-out matches."""
-    harm: float = 1.1
-    """Largest factor by which the RMS of any pair may rise."""
-    fewest: int = 8
-    """Least number of held-out matches of a pair that is evaluated."""
-    held_out_cell: float = 3.0
-    """Cells by which matches are held out, one in five; slightly larger than the matched blocks."""
-    trimmed: float = 0.75
-    """Share of the matches, the best ones, in an RMS: the others may be wrong."""
-    greatest: float = 1.0
-    """Largest displacement; a larger one is not a residual."""
-    greatest_of_diagonal: float = 0.02
-    """Largest displacement relative to the view's diagonal."""
-    greatest_gradient: float = 0.05
-    """Largest gradient of a displacement: far from a fold, and the inverse gains more than a digit per step."""
-    least_deviation: float = 0.001
-    """Accuracy of block matching."""
-    reweightings: int = 4
-    """Number of reweightings; afterwards weights hardly change."""
-    stiffer: float = 5.0
-    """If the limits are exceeded, the prior is strengthened by this factor, twice; then no displacement is used."""
+# Lengths are relative to the text height; shares are 0-1.
+NODE_SPACING = 4.0
+"""Pages curve over tens of text heights, creases over a few; block matches are about two apart."""
+MOST_NODES_IN_ALL = 3000
+"""Largest number of nodes of all views, approximately; 16 photos then take a second or two."""
+REACH = 0.1
+"""Length, relative to a view's diagonal, over which a displacement changes and, outside of overlaps, vanishes."""
+WORTHWHILE = 0.02
+"""Least RMS worth a correction: half a pixel at 300 dpi."""
+GAIN = 0.7
+"""Largest remaining share of the RMS of held-out matches."""
+HARM = 1.1
+"""Largest factor by which the RMS of any pair may rise."""
+FEWEST = 8
+"""Least number of held-out matches of a pair that is evaluated."""
+HELD_OUT_CELL = 3.0
+"""Cells by which matches are held out, one in five; slightly larger than the matched blocks."""
+TRIMMED = 0.75
+"""Share of the matches, the best ones, in an RMS: the others may be wrong."""
+GREATEST_OF_DIAGONAL = 0.02
+"""Largest displacement relative to the view's diagonal."""
+GREATEST_GRADIENT = 0.05
+"""Largest gradient of a displacement: far from a fold, and the inverse gains more than a digit per step."""
+LEAST_DEVIATION = 0.001
+"""Accuracy of block matching."""
+REWEIGHTINGS = 4
+"""Number of reweightings; afterwards weights hardly change."""
+STIFFER = 5.0
+"""If the limits are exceeded, the prior is strengthened by this factor, twice; then no displacement is used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,37 +130,37 @@ def estimate_residual_warp(
     pairs
         Registrations that the adjustment has not found contradicted.
     """
-    p = ResidualWarpParameters()
     none = dict.fromkeys(H_mosaic_flat)
     pairs = [pair for pair in pairs if len(pair.weights)]
     if not pairs:
         return ResidualWarp(dict(none), 0.0, 0.0)
     scales = {k: _scale(photos[k], H) for k, H in H_mosaic_flat.items()}
     text_height = float(np.median([photos[k].text_height_px * s for k, s in scales.items()]))
-    grids = _grids(photos, H_mosaic_flat, p)
+    grids = _grids(photos, H_mosaic_flat)
     diagonal = float(np.mean([np.hypot(*photos[k].size) * s for k, s in scales.items()]))
-    greatest = min(p.greatest * text_height, p.greatest_of_diagonal * diagonal)
-    matches = _gather(grids, H_mosaic_flat, pairs, p.held_out_cell * text_height)
+    # More than a text height is no residual.
+    greatest = min(text_height, GREATEST_OF_DIAGONAL * diagonal)
+    matches = _gather(grids, H_mosaic_flat, pairs, HELD_OUT_CELL * text_height)
     # Separated by more than two displacements can correct: a wrong match.
     possible = np.hypot(*matches.apart.T) < 2 * greatest
     fitted, held_out = possible & ~matches.held_out, possible & matches.held_out
-    of_pairs = _pair_rms(matches.apart, matches.pair, held_out, p)
+    of_pairs = _pair_rms(matches.apart, matches.pair, held_out)
     worst = int(np.argmax(of_pairs))
     before = float(of_pairs[worst])
-    if before < p.worthwhile * text_height:
+    if before < WORTHWHILE * text_height:
         return ResidualWarp(dict(none), before, before)
-    priors = _priors(grids, scales, p)
-    for stiffness in (1.0, p.stiffer, p.stiffer**2):
+    priors = _priors(grids, scales)
+    for stiffness in (1.0, STIFFER, STIFFER**2):
         weighed = priors * (stiffness / before) ** 2
-        nodes = _fit(matches, fitted, weighed, text_height, p)
-        left = _pair_rms(matches.apart + matches.rows @ nodes, matches.pair, held_out, p)
+        nodes = _fit(matches, fitted, weighed, text_height)
+        left = _pair_rms(matches.apart + matches.rows @ nodes, matches.pair, held_out)
         after = float(left[worst])
-        harmed = left > np.maximum(p.harm * of_pairs, p.worthwhile * text_height)
-        if after > p.gain * before or harmed.any():
+        harmed = left > np.maximum(HARM * of_pairs, WORTHWHILE * text_height)
+        if after > GAIN * before or harmed.any():
             break
-        nodes = _fit(matches, possible, weighed, text_height, p)
+        nodes = _fit(matches, possible, weighed, text_height)
         fields = {k: _field(grid, H_mosaic_flat[k], nodes) for k, grid in grids.items()}
-        gentle = max(_gradient(field) for field in fields.values()) <= p.greatest_gradient
+        gentle = max(_gradient(field) for field in fields.values()) <= GREATEST_GRADIENT
         if gentle and np.hypot(*nodes.T).max() <= greatest:
             return ResidualWarp(dict(fields), before, after)
     return ResidualWarp(dict(none), before, before)
@@ -179,16 +172,13 @@ def _scale(photo: FlatPhoto, H_mosaic_flat: Homography) -> float:
     return float(np.sqrt(abs(np.linalg.det(jacobians(H_mosaic_flat, middle)[0]))))
 
 
-def _grids(
-    photos: Mapping[int, FlatPhoto], H_mosaic_flat: Mapping[int, Homography], p: ResidualWarpParameters
-) -> dict[int, _Grid]:
-    spacings = {k: max(p.node_spacing * photos[k].text_height_px, 1.0) for k in H_mosaic_flat}
+def _grids(photos: Mapping[int, FlatPhoto], H_mosaic_flat: Mapping[int, Homography]) -> dict[int, _Grid]:
+    spacings = {k: max(NODE_SPACING * photos[k].text_height_px, 1.0) for k in H_mosaic_flat}
     sides = {
-        k: [int(np.clip(np.ceil(side / spacings[k]) + 1, 4, p.most_nodes)) for side in photos[k].size]
-        for k in H_mosaic_flat
+        k: [max(int(np.ceil(side / spacings[k])) + 1, 4) for side in photos[k].size] for k in H_mosaic_flat
     }
     total = sum(columns * rows for columns, rows in sides.values())
-    fewer = min(1.0, float(np.sqrt(p.most_nodes_in_all / total)))
+    fewer = min(1.0, float(np.sqrt(MOST_NODES_IN_ALL / total)))
     grids, first = {}, 0
     for k, counts in sides.items():
         columns, rows = (max(round(count * fewer), 4) for count in counts)
@@ -229,7 +219,7 @@ def _gather(
     )
 
 
-def _priors(grids: Mapping[int, _Grid], scales: Mapping[int, float], p: ResidualWarpParameters) -> csr_array:
+def _priors(grids: Mapping[int, _Grid], scales: Mapping[int, float]) -> csr_array:
     """Quadratic form of the cost of displacements: their size, slope and curvature over the reach.
 
     Differences over h are expected to be h / reach, second differences (h / reach)^2. Therefore a field decreases to 0
@@ -238,7 +228,7 @@ def _priors(grids: Mapping[int, _Grid], scales: Mapping[int, float], p: Residual
     blocks = []
     total = sum(grid.count for grid in grids.values())
     for k, grid in grids.items():
-        reach = p.reach * np.hypot(grid.width, grid.height) * scales[k]
+        reach = REACH * np.hypot(grid.width, grid.height) * scales[k]
         ids = grid.first + np.arange(grid.count).reshape(grid.rows, grid.columns)
         h_x = (grid.width - 1) / (grid.columns - 1) * scales[k] / reach
         h_y = (grid.height - 1) / (grid.rows - 1) * scales[k] / reach
@@ -268,13 +258,7 @@ def _rows(nodes: list[Nodes], factors: list[float], total: int) -> csr_array:
     return coo_array((values, (at, columns.ravel())), shape=(len(columns), total)).tocsr()
 
 
-def _fit(
-    matches: _Matches,
-    chosen: Mask,
-    priors: csr_array,
-    text_height: float,
-    p: ResidualWarpParameters,
-) -> Points:
+def _fit(matches: _Matches, chosen: Mask, priors: csr_array, text_height: float) -> Points:
     """Displacements of all nodes (n, 2), mosaic pixels: reweighted least squares with the Cauchy loss.
 
     The loss width follows the spread of the residuals, so that a smooth pattern is fitted even if it is large.
@@ -282,9 +266,9 @@ def _fit(
     rows, apart, confidence = matches.rows[chosen], matches.apart[chosen], matches.confidence[chosen]
     left = apart
     nodes = np.zeros((rows.shape[1], 2))
-    for _ in range(p.reweightings):
+    for _ in range(REWEIGHTINGS):
         distance = np.hypot(*left.T)
-        deviation = max(float(np.median(distance)) / MEDIAN_LENGTH, p.least_deviation * text_height)
+        deviation = max(float(np.median(distance)) / MEDIAN_LENGTH, LEAST_DEVIATION * text_height)
         weights = confidence * cauchy_weights(distance, CAUCHY_WIDTH * deviation) / deviation**2
         weighted = rows.multiply(weights[:, None]).tocsr()
         normal = splu((rows.T @ weighted + priors).tocsc(), permc_spec="MMD_AT_PLUS_A")
@@ -293,13 +277,13 @@ def _fit(
     return nodes
 
 
-def _pair_rms(apart: Points, pair: Nodes, chosen: Mask, p: ResidualWarpParameters) -> Vector:
+def _pair_rms(apart: Points, pair: Nodes, chosen: Mask) -> Vector:
     """RMS length of each pair's chosen vectors, of (N, 2), without the longest; 0 for too few."""
     rms = np.zeros(int(pair.max()) + 1)
     for k in range(len(rms)):
         squares = np.sort((apart[chosen & (pair == k)] ** 2).sum(axis=1))
-        if len(squares) >= p.fewest:
-            rms[k] = np.sqrt(squares[: int(np.ceil(p.trimmed * len(squares)))].mean())
+        if len(squares) >= FEWEST:
+            rms[k] = np.sqrt(squares[: int(np.ceil(TRIMMED * len(squares)))].mean())
     return rms
 
 

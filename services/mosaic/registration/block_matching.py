@@ -23,45 +23,48 @@ GRID_GROWTH = 1.2
 """The grid of blocks is made coarser by this factor until few enough remain, this number of times at most (9-fold)."""
 
 
+# Pixels are those of the reduced views, in which text is `text_height_px` high.
+TEXT_HEIGHT_PX = 12.0
+"""At 8, narrow overlaps contain no block; at 16 the search takes twice as long."""
+BLOCK_PX = 48
+"""Side of a block: about five characters by two or three lines."""
+FEW_BLOCKS = 14
+"""Number of blocks below which their side is reduced, at most twice, ..."""
+SHRINKING = 0.7
+"""... by this factor."""
+LEAST_SIDE_PX = 18.0
+"""Least side of a block in a narrow overlap; the other side becomes longer."""
+LONGEST_SIDE_PX = 112.0
+LONGEST_SHARE = 0.9
+"""Largest side of a block, relative to the overlap's longer side."""
+LEAST_SHOWN = 0.98
+"""Least share of a block that both views show."""
+BREADTH_SHARE = 0.45
+"""Side of a block relative to the overlap's width, so that two fit next to each other."""
+MOST_BLOCKS = 280
+"""Largest number of blocks, distributed over the overlap."""
+INK = 14.0
+"""Least standard deviation of gray values in a block with print; bare paper is below 5."""
+DETAIL = 4.0
+"""Least detail, in gray values a pixel: the root of the structure tensor's smaller eigenvalue in a block. Text has
+at least 5.6. Paper, rules and soft pictures, which match in many places or in none, have at most 3."""
+CORRELATION = 0.7
+"""Least correlation of a match, also after its refinement. 99 % of true blocks reach 0.82; 90 % of blocks of other
+text stay below 0.55."""
+DISTINCT = 0.04
+"""Least difference between the best and the second-best correlation of a block."""
+NEIGHBOURS = 8
+SUPPORTERS = 3
+"""Number of nearest neighbours, and how many of them must agree (or half, if there are fewer)."""
+
+
 @dataclass(frozen=True, slots=True)
 class BlockParameters:
     """Pixels are those of the reduced views, in which text is `text_height_px` high."""
 
-    text_height_px: float = 12.0
-    """At 8, narrow overlaps contain no block; at 16 the search takes twice as long."""
-    block_px: float = 48.0
-    """Side of a block: about five characters by two or three lines."""
-    few_blocks: int = 14
-    """Number of blocks below which their side is reduced, at most twice, ..."""
-    shrinking: float = 0.7
-    """... by this factor."""
-    least_side_px: float = 18.0
-    """Least side of a block in a narrow overlap; the other side becomes longer."""
-    longest_side_px: float = 112.0
-    longest_share: float = 0.9
-    """Largest side of a block, relative to the overlap's longer side."""
-    least_shown: float = 0.98
-    """Least share of a block that both views show."""
-    breadth_share: float = 0.45
-    """Side of a block relative to the overlap's width, so that two fit next to each other."""
-    most_blocks: int = 280
-    """Largest number of blocks, distributed over the overlap."""
-    ink: float = 14.0
-    """Least standard deviation of gray values in a block with print; bare paper is below 5."""
-    detail: float = 4.0
-    """Least detail, in gray values a pixel: the root of the structure tensor's smaller eigenvalue in a block. Text has
-    at least 5.6. Paper, rules and soft pictures, which match in many places or in none, have at most 3."""
-    correlation: float = 0.7
-    """Least correlation of a match, also after its refinement. 99 % of true blocks reach 0.82; 90 % of blocks of other
-    text stay below 0.55."""
-    distinct: float = 0.04
-    """Least difference between the best and the second-best correlation of a block."""
     agreement_px: float = 1.5
     agreement_slope: float = 0.05
     """Largest difference of neighbours' displacements: a constant plus this share of their distance."""
-    neighbours: int = 8
-    supporters: int = 3
-    """Number of nearest neighbours, and how many of them must agree (or half, if there are fewer)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +111,7 @@ def match_blocks(
     corners = transform_points(H_a_b, b.corners)
     low = np.floor(np.maximum(corners.min(axis=0), a.corners.min(axis=0))).astype(int)
     high = np.ceil(np.minimum(corners.max(axis=0), a.corners.max(axis=0))).astype(int) + 1
-    if np.min(high - low) < p.least_side_px:
+    if np.min(high - low) < LEAST_SIDE_PX:
         return NO_BLOCKS
     width, height = high - low
     H_b_window = np.linalg.inv(H_a_b) @ translation(low[0] - search_px, low[1] - search_px)
@@ -126,18 +129,18 @@ def match_blocks(
     inner = slice(search_px, search_px + height), slice(search_px, search_px + width)
     own = a.unruled[low[1] : high[1], low[0] : high[0]]
     both = seen[inner].astype(bool) & a.shown[low[1] : high[1], low[0] : high[0]]
-    side = p.block_px
+    side: float = BLOCK_PX
     for _ in range(3):
         block = _block_size(both, side, p)
         if block is None:
             return NO_BLOCKS
         w, h = block
         corners_ij, telling = _choose_blocks(
-            own, np.asarray(other[inner]), both, block, most_blocks or p.most_blocks, p
+            own, np.asarray(other[inner]), both, block, most_blocks or MOST_BLOCKS, p
         )
-        if len(corners_ij) >= p.few_blocks:
+        if len(corners_ij) >= FEW_BLOCKS:
             break
-        side *= p.shrinking
+        side *= SHRINKING
     displacements, correlations = np.zeros((len(corners_ij), 2)), np.zeros(len(corners_ij))
     for n, (x, y) in enumerate(corners_ij):
         template = own[y : y + h, x : x + w]
@@ -145,7 +148,7 @@ def match_blocks(
         scores = np.asarray(cv2.matchTemplate(region, template, cv2.TM_CCOEFF_NORMED), np.float32)
         displacements[n], correlations[n] = _peak(scores, p)
     points = corners_ij + low + ink_centres(own, corners_ij, w, h)
-    candidates = correlations >= p.correlation
+    candidates = correlations >= CORRELATION
     found = candidates.copy()
     found[candidates] = support_blocks(points[candidates], displacements[candidates], p)
     return BlockMatches(points, displacements, correlations, found, telling)
@@ -173,12 +176,12 @@ def centroids(weights: NDArray[np.float32]) -> Points:
 
 def _block_size(both: Mask, side: float, p: BlockParameters) -> tuple[int, int] | None:
     """Width and height of the blocks of an overlap, adapted to its width."""
-    breadth = _breadth(both, 2 * side / p.breadth_share)
-    if breadth < p.least_side_px:
+    breadth = _breadth(both, 2 * side / BREADTH_SHARE)
+    if breadth < LEAST_SIDE_PX:
         return None
-    short = float(np.clip(p.breadth_share * breadth, p.least_side_px, side))
+    short = float(np.clip(BREADTH_SHARE * breadth, LEAST_SIDE_PX, side))
     height, width = both.shape
-    long = max(short, min(side**2 / short, p.longest_side_px, p.longest_share * max(height, width)))
+    long = max(short, min(side**2 / short, LONGEST_SIDE_PX, LONGEST_SHARE * max(height, width)))
     return (round(short), round(long)) if width < height else (round(long), round(short))
 
 
@@ -217,16 +220,16 @@ def _choose_blocks(
         x, y = (g.ravel() for g in np.meshgrid(xs, ys))
         if not len(x):
             return np.zeros((0, 2), np.intp), np.zeros(0, bool)
-        usable = box(shown, y, x) > p.least_shown
+        usable = box(shown, y, x) > LEAST_SHOWN
         variances = [box(squared, y, x) - box(plain, y, x) ** 2 for plain, squared in sums]
-        usable &= np.maximum(*variances) > p.ink**2
+        usable &= np.maximum(*variances) > INK**2
         if np.count_nonzero(usable) <= most:
             break
         apart = np.ceil(apart * GRID_GROWTH).astype(int)
     chosen = np.stack([x, y], axis=1)[usable]
     chosen = chosen[:: -(-len(chosen) // most)] if len(chosen) > most else chosen
     least = [_least_eigenvalues(image, chosen, w, h) for image in (own, other)]
-    return chosen, np.maximum(*least) > p.detail**2
+    return chosen, np.maximum(*least) > DETAIL**2
 
 
 def _least_eigenvalues(image: GrayImage, corners: NDArray[np.intp], width: int, height: int) -> Vector:
@@ -258,7 +261,7 @@ def _peak(scores: NDArray[np.float32], p: BlockParameters) -> tuple[Vector, floa
     r = 4
     rest = scores.copy()
     rest[max(y - r, 0) : y + r + 1, max(x - r, 0) : x + r + 1] = -1
-    return at, 0.0 if best - float(rest.max()) < p.distinct else float(best)
+    return at, 0.0 if best - float(rest.max()) < DISTINCT else float(best)
 
 
 def _vertex(before: float, peak: float, after: float) -> float:
@@ -274,9 +277,9 @@ def support_blocks(
     p, n = parameters or BlockParameters(), len(points)
     if n < 3:
         return np.zeros(n, bool)
-    count = min(p.neighbours, n - 1)
+    count = min(NEIGHBOURS, n - 1)
     distances, indices = cKDTree(points).query(points, count + 1)
     distances, indices = distances[:, 1:], indices[:, 1:]
     apart = np.linalg.norm(displacements[indices] - displacements[:, None], axis=2)
     agree = apart <= p.agreement_px + p.agreement_slope * distances
-    return np.asarray(agree.sum(axis=1) >= min(p.supporters, max(2, -(-count // 2))))
+    return np.asarray(agree.sum(axis=1) >= min(SUPPORTERS, max(2, -(-count // 2))))

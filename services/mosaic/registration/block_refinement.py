@@ -7,32 +7,25 @@ Matthews 2004). At the true place gradients are odd and a difference of sharpnes
 blurred view causes no bias.
 """
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Homography, Points, Vector
 from services.geometry.homographies import transform_points
-from services.mosaic.registration.block_matching import BlockParameters, centroids
+from services.mosaic.registration.block_matching import BLOCK_PX, CORRELATION, centroids
 from services.mosaic.registration.reduced_view import ReducedView
 
-
-@dataclass(frozen=True, slots=True)
-class BlockRefinementParameters:
-    """Pixels are those of the reference view, reduced for this step."""
-
-    text_height_px: float = 18.0
-    """Text height of the reference; a larger one takes longer without a measurable gain."""
-    block_px: int = 48
-    blur_px: float = 1.0
-    """Blur of both views: it increases the range of convergence and suppresses interpolation artefacts."""
-    steps: int = 5
-    furthest_px: float = 3.0
-    """Largest movement; blocks that move farther were not at their true place."""
-    least_shown: float = 0.25
-    """Least share of a block that both views show."""
+# Pixels are those of the reference view, reduced for this step.
+FINE_TEXT_HEIGHT_PX = 18.0
+"""Text height of the reference; a larger one takes longer without a measurable gain."""
+BLUR_PX = 1.0
+"""Blur of both views: it increases the range of convergence and suppresses interpolation artefacts."""
+STEPS = 5
+FURTHEST_PX = 3.0
+"""Largest movement; blocks that move farther were not at their true place."""
+LEAST_SHOWN = 0.25
+"""Least share of a block that both views show."""
 
 
 def refine_matches(
@@ -41,7 +34,6 @@ def refine_matches(
     H_reference_other: Homography,
     points_reference: Points,
     displacements: Points,
-    p: BlockRefinementParameters,
 ) -> tuple[Points, Points, Vector]:
     """Matched points (M, 2) of reference and other, and their correlations (M,); M <= N, in reduced pixels.
 
@@ -51,13 +43,13 @@ def refine_matches(
     if not len(points_reference):
         return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
     height, width = reference.gray.shape
-    half = p.block_px // 2
+    half = BLOCK_PX // 2
     H_other_reference = np.linalg.inv(H_reference_other)
-    own = cv2.GaussianBlur(reference.gray.astype(np.float32), (0, 0), p.blur_px)
+    own = cv2.GaussianBlur(reference.gray.astype(np.float32), (0, 0), BLUR_PX)
     laid, seen = _lay(other, H_other_reference, width, height)
-    blurred = np.asarray(cv2.GaussianBlur(laid.astype(np.float32), (0, 0), p.blur_px), np.float32)
+    blurred = np.asarray(cv2.GaussianBlur(laid.astype(np.float32), (0, 0), BLUR_PX), np.float32)
     # Blur and displacements reach beyond the shown area. In a narrow overlap blocks extend to its border.
-    rim = np.ones((2 * int(p.furthest_px) + 1,) * 2, np.uint8)
+    rim = np.ones((2 * int(FURTHEST_PX) + 1,) * 2, np.uint8)
     both = cv2.copyMakeBorder(
         reference.shown.astype(np.uint8) & seen, *(half,) * 4, cv2.BORDER_CONSTANT, value=0
     )
@@ -73,13 +65,11 @@ def refine_matches(
     gx, gy = gx * mask, gy * mask
     xx, xy, yy = (np.einsum("nij,nij->n", g, h) for g, h in ((gx, gx), (gx, gy), (gy, gy)))
     determinant = xx * yy - xy**2
-    good = (
-        (deviation > 1.0) & (determinant > 1e-3 * (xx + yy) ** 2) & (mask.mean(axis=(1, 2)) > p.least_shown)
-    )
+    good = (deviation > 1.0) & (determinant > 1e-3 * (xx + yy) ** 2) & (mask.mean(axis=(1, 2)) > LEAST_SHOWN)
     determinant = np.where(good, determinant, 1.0)
     moved = displacements.copy()
     correlations = np.zeros(len(middles))
-    for _ in range(p.steps + 1):
+    for _ in range(STEPS + 1):
         sampled, _ = _normalized(_sample(blurred, (middles + moved).astype(np.float32), steps), mask)
         area = np.maximum(mask.sum(axis=(1, 2)), 1)
         correlations = np.einsum("nij,nij,nij->n", sampled, blocks, mask) / area
@@ -88,7 +78,7 @@ def refine_matches(
         step = np.stack([yy * ex - xy * ey, xx * ey - xy * ex], axis=1) / determinant[:, None]
         moved = moved - np.clip(step, -1, 1) * good[:, None]
     far = np.linalg.norm(moved - displacements, axis=1)
-    good &= (correlations >= BlockParameters().correlation) & (far <= p.furthest_px)
+    good &= (correlations >= CORRELATION) & (far <= FURTHEST_PX)
     # The displacement belongs to the centroid of the gradients, not to the block's centre.
     points = middles + centroids(gx**2 + gy**2 + np.float32(1e-9)) - half
     return points[good], transform_points(H_other_reference, points + moved)[good], correlations[good]

@@ -27,28 +27,25 @@ SURROUNDINGS = 13
 """Width, in bins, of the surroundings with which a group is compared; 21 works equally well."""
 
 
-@dataclass(frozen=True, slots=True)
-class VoteParameters:
-    """The range covers photos taken by hand; the other values were measured on simulated and real sets."""
-
-    least_scale: float = 0.55
-    greatest_scale: float = 1.8
-    scales: int = 41
-    """Steps of 3 %: within half a step, a match at half a view from the centre moves by less than a bin. If text sizes
-    indicate a larger difference of scales, the range is extended in the same steps."""
-    bins_per_diagonal: float = 90.0
-    """Bins per diagonal of a. The dissertation uses 20 and calls it uncritical. Smaller bins contain fewer false
-    matches: for pairs that share less than 8 % of the page, 90 ranks the truth higher than 60, as does 130."""
-    size_tolerance: float = math.log(1.4)
-    """Largest difference between the logarithms of a match's own scale and of the scale that it votes for."""
-    group_reach: float = 1.5
-    """Distance of a group's members from its centre along each axis, bins: they are counted in 3 x 3 bins."""
-    reach: float = 2.5
-    """Radius around a group's centre, in bins, that counts as the same place."""
-    groups: int = 4
-    """Number of returned groups."""
-    least_votes: int = 3
-    """Least size of a group; smaller ones occur by chance."""
+# The range covers photos taken by hand; the other values were measured on simulated and real sets.
+LEAST_SCALE = 0.55
+GREATEST_SCALE = 1.8
+SCALES = 41
+"""Steps of 3 %: within half a step, a match at half a view from the centre moves by less than a bin. If text sizes
+indicate a larger difference of scales, the range is extended in the same steps."""
+BINS_PER_DIAGONAL = 90.0
+"""Bins per diagonal of a. The dissertation uses 20 and calls it uncritical. Smaller bins contain fewer false
+matches: for pairs that share less than 8 % of the page, 90 ranks the truth higher than 60, as does 130."""
+SIZE_TOLERANCE = math.log(1.4)
+"""Largest difference between the logarithms of a match's own scale and of the scale that it votes for."""
+GROUP_REACH = 1.5
+"""Distance of a group's members from its centre along each axis, bins: they are counted in 3 x 3 bins."""
+REACH = 2.5
+"""Radius around a group's centre, in bins, that counts as the same place."""
+GROUPS = 4
+"""Number of returned groups."""
+LEAST_VOTES = 3
+"""Least size of a group; smaller ones occur by chance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,31 +71,30 @@ def vote_displacements(
 
     `expected_scale` is the ratio of text sizes in a and b; headings and notes may make it wrong.
     """
-    p = VoteParameters()
-    scales = _scales(p, expected_scale)
-    bin_px = diagonal / p.bins_per_diagonal
+    scales = _scales(expected_scale)
+    bin_px = diagonal / BINS_PER_DIAGONAL
     # (scales, matches, 2), in bins, from the least displacement on with one empty bin as a border.
     bins = (matches.points_a - scales[:, None, None] * matches.points_b) / bin_px
     measured = np.log(np.maximum(matches.sizes_a, 1e-9) / np.maximum(matches.sizes_b, 1e-9))
-    voting = np.abs(measured - np.log(scales)[:, None]) < p.size_tolerance
+    voting = np.abs(measured - np.log(scales)[:, None]) < SIZE_TOLERANCE
     groups: list[CompatibleGroup] = []
-    while len(groups) < p.groups and np.count_nonzero(voting):
+    while len(groups) < GROUPS and np.count_nonzero(voting):
         row, middle = _outstanding_bin(bins, voting)
         away = np.max(np.abs(bins[row] - middle), axis=1)
-        members = np.flatnonzero((away <= p.group_reach) & voting[row])
-        if len(members) < p.least_votes:
+        members = np.flatnonzero((away <= GROUP_REACH) & voting[row])
+        if len(members) < LEAST_VOTES:
             break
         scale = float(scales[row])
         displacement = np.median(matches.points_a[members] - scale * matches.points_b[members], axis=0)
         groups.append(CompatibleGroup(scale, displacement, members))
-        voting = voting & (away > p.reach)
+        voting = voting & (away > REACH)
     return tuple(groups)
 
 
-def _scales(p: VoteParameters, expected: float) -> Vector:
+def _scales(expected: float) -> Vector:
     """The scales of the range, extended to the expected scale."""
-    least, greatest = p.least_scale * min(expected, 1.0), p.greatest_scale * max(expected, 1.0)
-    step = math.log(p.greatest_scale / p.least_scale) / (p.scales - 1)
+    least, greatest = LEAST_SCALE * min(expected, 1.0), GREATEST_SCALE * max(expected, 1.0)
+    step = math.log(GREATEST_SCALE / LEAST_SCALE) / (SCALES - 1)
     return np.geomspace(least, greatest, 1 + round(math.log(greatest / least) / step))
 
 

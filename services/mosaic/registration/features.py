@@ -17,24 +17,16 @@ CELLS, DIRECTIONS = 4, 8
 MATCH_ROWS = 512
 """Number of rows of the similarity matrix that are computed at a time."""
 
-OCTAVE_LAYERS, EDGE_RATIO, BLUR_PX = 3, 10.0, 1.6
-"""The detector's defaults (Lowe 2004): layers an octave, ratio of curvatures of an edge, blur of the first layer."""
 
-
-@dataclass(frozen=True, slots=True)
-class FeatureParameters:
-    """Measured on simulated and real sets: at full resolution letters cause too many false matches."""
-
-    long_side_px: float = 700.0
-    """Size to which a view is reduced, so that features are words, not letters (600-800 work equally well)."""
-    least_text_height_px: float = 6.0
-    most_text_height_px: float = 14.0
-    """Range of the text height after the reduction: below it lines become bars, above it features are letters."""
-    contrast: float = 0.04
-    """Least contrast of an extremum, the detector's default."""
-    ratio: float = 0.93
-    """Largest ratio of the nearest to the second nearest distance of a match. It is high, because the vote separates
-    true from false matches better than the ratio does."""
+# Measured on simulated and real sets: at full resolution letters cause too many false matches.
+LONG_SIDE_PX = 700.0
+"""Size to which a view is reduced, so that features are words, not letters (600-800 work equally well)."""
+LEAST_TEXT_HEIGHT_PX = 6.0
+MOST_TEXT_HEIGHT_PX = 14.0
+"""Range of the text height after the reduction: below it lines become bars, above it features are letters."""
+RATIO = 0.93
+"""Largest ratio of the nearest to the second nearest distance of a match. It is high, because the vote separates
+true from false matches better than the ratio does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,14 +58,13 @@ class FeatureMatches:
 
 def detect_features(photo: FlatPhoto, fineness: float = 1.0) -> Features:
     """Features of `photo`'s view in the shown part; `fineness` multiplies the working resolution."""
-    p = FeatureParameters()
     width, height = photo.size
     text = max(photo.text_height_px, 1e-6)
-    reduction = p.long_side_px / max(width, height)
-    reduction = float(np.clip(reduction, p.least_text_height_px / text, p.most_text_height_px / text))
+    reduction = LONG_SIDE_PX / max(width, height)
+    reduction = float(np.clip(reduction, LEAST_TEXT_HEIGHT_PX / text, MOST_TEXT_HEIGHT_PX / text))
     reduction = min(1.0, fineness * reduction)
     gray, shown, H_reduced_flat = reduce_view(photo.gray, photo.shown, reduction)
-    detector = cv2.SIFT.create(0, OCTAVE_LAYERS, p.contrast, EDGE_RATIO, BLUR_PX, True)
+    detector = cv2.SIFT.create(enable_precise_upscale=True)
     found = detector.detect(gray, shown.view(np.uint8) * 255)
     # Text lines are horizontal: a dominant direction would add noise and duplicates of features.
     upright: dict[tuple[float, float, float], cv2.KeyPoint] = {}
@@ -107,9 +98,8 @@ def turn_features(features: Features, turns: int) -> Features:
     return replace(features, points=points, descriptors=descriptors, width=width, height=height)
 
 
-def match_features(a: Features, b: Features, parameters: FeatureParameters | None = None) -> FeatureMatches:
+def match_features(a: Features, b: Features) -> FeatureMatches:
     """Exact nearest neighbours in b of the features of a that pass the ratio test."""
-    ratio = (parameters or FeatureParameters()).ratio
     if not len(a.points) or len(b.points) < 2:
         return FeatureMatches(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), np.zeros(0))
     nearest, distinct = [], []
@@ -121,7 +111,7 @@ def match_features(a: Features, b: Features, parameters: FeatureParameters | Non
         similarity[rows, first] = -math.inf
         second = similarity.max(axis=1)
         # |u - v|^2 = 2 - 2 u.v of unit vectors.
-        distinct.append(1 - best < ratio**2 * (1 - second))
+        distinct.append(1 - best < RATIO**2 * (1 - second))
         nearest.append(first)
     i = np.flatnonzero(np.concatenate(distinct))
     j = np.concatenate(nearest)[i]

@@ -8,6 +8,10 @@ from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.homographies import jacobians, scaling, transform_points, translation
 from services.robust import geman_mcclure_weights
 
+# Prior on the difference of two views of one page, and limits of the robust fit.
+STEPS = 12
+"""Number of reweighted fits; the loss width decreases in the first half of them."""
+
 
 @dataclass(frozen=True, slots=True)
 class FitParameters:
@@ -19,8 +23,6 @@ class FitParameters:
     """Deviation of the logarithm of scale from the initial scale, which is a measurement."""
     projective_deviation: float = 0.03
     """Remaining change of scale over the span of the matches."""
-    steps: int = 12
-    """Number of reweighted fits; the loss width decreases in the first half of them."""
     largest_stretch: float = 1.35
     """Largest factor, or its inverse, by which any direction is stretched relative to the initial scale."""
 
@@ -70,10 +72,10 @@ def fit_homography(
     prior = _prior(p) * (last_loss_px / span) ** 2
     residual = (points_a - transform_points(H_initial, points_b)) / span
     E, current = np.zeros(8), weights
-    narrowing = p.steps // 2
+    narrowing = STEPS // 2
     for loss in [
         *np.geomspace(first_loss_px, last_loss_px, narrowing),
-        *[last_loss_px] * (p.steps - narrowing),
+        *[last_loss_px] * (STEPS - narrowing),
     ]:
         squared = np.sum(residual**2, axis=1) * span**2
         current = weights * geman_mcclure_weights(np.sqrt(squared), loss)

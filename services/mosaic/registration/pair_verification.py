@@ -10,12 +10,15 @@ from services.arrays import Homography, Points, Vector
 from services.geometry.homographies import jacobians, transform_points
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.registration.block_matching import (
+    CORRELATION,
+    MOST_BLOCKS,
+    TEXT_HEIGHT_PX,
     BlockMatches,
     BlockParameters,
     match_blocks,
     support_blocks,
 )
-from services.mosaic.registration.block_refinement import BlockRefinementParameters, refine_matches
+from services.mosaic.registration.block_refinement import FINE_TEXT_HEIGHT_PX, refine_matches
 from services.mosaic.registration.features import Features, detect_features, turn_features
 from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
 from services.mosaic.registration.reduced_view import ReducedView
@@ -24,33 +27,33 @@ LEVELS_PER_OCTAVE = 4
 """Reductions are rounded to these levels, so that several pairs share a photo's reduced views."""
 
 
+# Lengths are relative to the text height.
+SEARCH = 2.0
+"""Radius of the first search around the predicted place, and the largest error of a prediction along other pairs, for
+each photo in between."""
+LEAST_SEARCH = 0.7
+FIRST_BLOCKS = 40
+FIRST_SHARE = 0.25
+"""Least share of found blocks while a homography is roughly true and still moves (false: below 0.06)."""
+ROUNDS = 5
+AGREEMENT = 0.6
+"""Least final share of found blocks: true pairs have 0.85-1, false ones below 0.1."""
+COARSE_LOSS = 0.25
+"""Loss width of the fit to found blocks. Smooth deviations from a homography remain in the matches."""
+FINE_LOSS = 0.04
+FINE_AGREEMENT = 0.06
+FINE_SLOPE = 0.02
+"""Largest difference of refined neighbours: a constant plus this share of their distance."""
+LEAST_WEIGHT = 0.05
+"""Least weight of a match, at the least correlation; 1 at a perfect one."""
+
+
 @dataclass(frozen=True, slots=True)
 class VerificationParameters:
     """Lengths are relative to the text height."""
 
-    search: float = 2.0
-    """Radius of the first search around the predicted place."""
-    least_search: float = 0.7
-    first_blocks: int = 40
-    first_share: float = 0.25
-    """Least share of found blocks among the first ones if a homography is roughly true (false: below 0.06)."""
-    rounds: int = 5
-    settled: float = 0.04
-    """Matching and fitting are repeated until the homography moves the blocks by at most this."""
-    later_share: float = 0.4
-    """Least share of found blocks while the homography still moves."""
-    agreement: float = 0.6
-    """Least final share of found blocks: true pairs have 0.85-1, false ones below 0.1."""
     found: int = 8
     """Least number of found blocks; neighbouring blocks overlap by half."""
-    coarse_loss: float = 0.25
-    """Loss width of the fit to found blocks. Smooth deviations from a homography remain in the matches."""
-    fine_loss: float = 0.04
-    fine_agreement: float = 0.06
-    fine_slope: float = 0.02
-    """Largest difference of refined neighbours: a constant plus this share of their distance."""
-    least_weight: float = 0.05
-    """Least weight of a match, at the least correlation; 1 at a perfect one."""
     fit: FitParameters = field(default_factory=FitParameters)
     """How far two views may differ from a similarity."""
 
@@ -131,13 +134,13 @@ def verify_overlap(
     """
     p, q = parameters or VerificationParameters(), blocks or BlockParameters()
     view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
-    loss = p.coarse_loss * q.text_height_px
-    radius = (search or p.search) * q.text_height_px
-    most, share, least = p.first_blocks, p.first_share, 3
-    for _ in range(p.rounds):
+    loss = COARSE_LOSS * TEXT_HEIGHT_PX
+    radius = (search or SEARCH) * TEXT_HEIGHT_PX
+    most, least = FIRST_BLOCKS, 3
+    for _ in range(ROUNDS):
         H_blocks = H
         found = match_blocks(view_a, view_b, H, math.ceil(radius), most, q)
-        if found.evidence < least or found.agreement < share:
+        if found.evidence < least or found.agreement < FIRST_SHARE:
             return None
         points = found.points_a[found.found]
         moved = points + found.displacements[found.found]
@@ -148,11 +151,11 @@ def verify_overlap(
         fitted = transform_points(H, points_b)
         left = np.linalg.norm(fitted - points, axis=1)
         change = np.linalg.norm(fitted - moved, axis=1)
-        radius = min(radius, max(p.least_search * q.text_height_px, 3 * float(np.percentile(left, 90))))
-        if most == q.most_blocks and float(np.percentile(change, 90)) < p.settled * q.text_height_px:
+        radius = min(radius, max(LEAST_SEARCH * TEXT_HEIGHT_PX, 3 * float(np.percentile(left, 90))))
+        if most == MOST_BLOCKS and float(np.percentile(change, 90)) < FINE_LOSS * TEXT_HEIGHT_PX:
             break
-        most, share, least = q.most_blocks, p.later_share, p.found
-    if found.agreement < p.agreement:
+        most, least = MOST_BLOCKS, p.found
+    if found.agreement < AGREEMENT:
         return None
     H_flat = np.linalg.inv(view_a.H_reduced_flat) @ H @ view_b.H_reduced_flat
     return Overlap(H_flat / H_flat[2, 2], turns, found, view_a, view_b, H_blocks)
@@ -165,8 +168,8 @@ def shows_otherwise(a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns
     """
     p, q = VerificationParameters(), BlockParameters()
     view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
-    blocks = match_blocks(view_a, view_b, H, math.ceil(search * q.text_height_px), p.first_blocks, q)
-    return int(np.count_nonzero(blocks.telling)) >= p.found and blocks.agreement < p.first_share
+    blocks = match_blocks(view_a, view_b, H, math.ceil(search * TEXT_HEIGHT_PX), FIRST_BLOCKS, q)
+    return int(np.count_nonzero(blocks.telling)) >= p.found and blocks.agreement < FIRST_SHARE
 
 
 def _at_block_scale(
@@ -175,7 +178,7 @@ def _at_block_scale(
     """Both views at the resolution of block matching, and `H_a_b` between their pixels."""
     scale = local_scale(H_a_b, b.photo)
     text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
-    factor = min(blocks.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
+    factor = min(TEXT_HEIGHT_PX / max(text, 1e-6), 1.0, 1 / scale)
     view_a, view_b = a.reduced(factor, 0), b.reduced(factor * scale, turns)
     return view_a, view_b, view_a.H_reduced_flat @ H_a_b @ np.linalg.inv(view_b.H_reduced_flat)
 
@@ -187,10 +190,10 @@ def refine_overlap(
 
     The coarser view is the reference, because only the finer one can be reduced to the resolution of the other.
     """
-    p, q = parameters or VerificationParameters(), BlockRefinementParameters()
+    p = parameters or VerificationParameters()
     scale = local_scale(overlap.H_a_b, b.photo)
     text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
-    factor = min(q.text_height_px / max(text, 1e-6), 1.0, 1 / scale)
+    factor = min(FINE_TEXT_HEIGHT_PX / max(text, 1e-6), 1.0, 1 / scale)
     fine_a, fine_b = a.reduced(factor, 0), b.reduced(factor * scale, overlap.turns)
     points_a, points_b = overlap.matches()
     points_a = _between(overlap.view_a, fine_a, points_a)
@@ -201,14 +204,14 @@ def refine_overlap(
     else:
         views, H_reference_other, near, far = (fine_b, fine_a), np.linalg.inv(H), points_b, points_a
     displacements = transform_points(H_reference_other, far) - near
-    near, far, correlations = refine_matches(*views, H_reference_other, near, displacements, q)
+    near, far, correlations = refine_matches(*views, H_reference_other, near, displacements)
     if len(near) < 4:
         return None
     displacements = transform_points(H_reference_other, far) - near
     kept = support_blocks(
         near,
         displacements,
-        BlockParameters(agreement_px=p.fine_agreement * q.text_height_px, agreement_slope=p.fine_slope),
+        BlockParameters(agreement_px=FINE_AGREEMENT * FINE_TEXT_HEIGHT_PX, agreement_slope=FINE_SLOPE),
     )
     if np.count_nonzero(kept) < 4:
         return None
@@ -216,14 +219,14 @@ def refine_overlap(
     points_a, points_b = (near, far) if scale <= 1 else (far, near)
     points_a = transform_points(np.linalg.inv(fine_a.H_reduced_flat), points_a)
     points_b = transform_points(np.linalg.inv(fine_b.H_reduced_flat), points_b)
-    least = BlockParameters().correlation
-    weights = np.clip((correlations - least) / (1 - least), p.least_weight, 1)
-    loss = p.fine_loss * a.photo.text_height_px
+    least = CORRELATION
+    weights = np.clip((correlations - least) / (1 - least), LEAST_WEIGHT, 1)
+    loss = FINE_LOSS * a.photo.text_height_px
     left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
     loss = max(loss, float(np.median(left)))
     H_a_b, _ = fit_homography(points_a, points_b, weights, overlap.H_a_b, 4 * loss, loss, p.fit)
     left = np.linalg.norm(transform_points(H_a_b, points_b) - points_a, axis=1)
-    loss = max(p.fine_loss * a.photo.text_height_px, 2 * float(np.median(left)))
+    loss = max(FINE_LOSS * a.photo.text_height_px, 2 * float(np.median(left)))
     H_a_b, _ = fit_homography(points_a, points_b, weights, H_a_b, loss, loss, p.fit)
     return H_a_b, points_a, points_b, weights
 

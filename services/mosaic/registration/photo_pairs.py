@@ -1,7 +1,7 @@
 """Search for all overlapping pairs of photos (4.3)."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
@@ -23,6 +23,7 @@ from services.mosaic.registration.pair_consistency import (
 )
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.pair_verification import (
+    SEARCH,
     Overlap,
     PreparedPhoto,
     VerificationParameters,
@@ -32,61 +33,55 @@ from services.mosaic.registration.pair_verification import (
 )
 from services.mosaic.registration.reduced_view import quarter_turn
 
-
-@dataclass(frozen=True, slots=True)
-class RegistrationParameters:
-    """Parameters of the search for pairs."""
-
-    group_loss_px: float = 5.0
-    """Loss width of the first fit, pixels of the word scale (as in the prototype)."""
-    first_loss: float = 3.0
-    skewed_loss: float = 6.0
-    """The loss at which a fit to a group begins, over `group_loss_px`; and a skewed view's to all matches."""
-    coarser: float = 0.5
-    """Resolution of the first look relative to word scale: where views share much, a quarter of the features do."""
-    clear_lead: float = 2.0
-    """The first look takes only pairs whose largest group has so many times the votes of the next. Rows that repeat
-    have as many elsewhere, and need all features to be told apart."""
-    pairs_per_photo: int = 4
-    """Largest number of pairs, per photo, in a look at word scale or finer: up to nine photos all of them, of more
-    photos those with most votes at half of it. Of 16 photos in four rows, 24 to 42 pairs are neighbours."""
-    finer: float = 1.5
-    """Resolution of the third look at unturned views, relative to word scale."""
-    most_retries: int = 45
-    """Largest number of pairs in the finer passes: more unconnected pairs do not belong to one page."""
-    hopeless: int = 4
-    """Of more photos than this, if no two overlap at word scale, upside down or not, none are searched any finer."""
-    largest_scale: float = 4.0
-    """Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
-    ambiguity: float = 0.7
-    """A result is ambiguous if a second place has at least this share of the found blocks."""
-    rival_votes: float = 0.25
-    """Least size of a group, relative to one that was verified, that is verified too: a second place with nearly as
-    many blocks has nearly as many votes."""
-    least_overlap: float = 0.01
-    """Least predicted overlap, as a share of the smaller view, that is searched."""
-    guided_search: float = 2.5
-    """Largest error of a prediction in text heights, per photo in between."""
-    guided_found: int = 5
-    """Least number of found blocks of a predicted pair. It is lower, because such a pair connects no new parts."""
-    lines: float = 1.5
-    """Extent of matches perpendicular to the lines, text heights, from which they are not of one line only ..."""
-    phrase: float = 15.0
-    """... and least extent along a single line (about 25 characters) that may connect two parts."""
-    sure_agreement: float = 0.9
-    """Least share of found blocks of a pair by which others are known to lie apart; its matches extend over `lines`
-    too. A piece of a line that is printed twice reached 0.73."""
-    contradicting_overlap: float = 0.03
-    """Least overlap, as a share of the smaller view, in which two connected parts are compared."""
-    skewed_votes: int = 40
-    """A group with so many votes, and so many times those of the second largest, ..."""
-    skewed_lead: float = 3.0
-    """... that is not verified belongs to a view whose rectification failed (pictures, or too few lines)."""
-    skewed: FitParameters = field(default_factory=lambda: FitParameters(0.2, 0.3, 0.3, largest_stretch=2.5))
-    """Prior for such a view: it was taken at up to 40 degrees from the vertical."""
-    contradiction: float = 4.0
-    """Largest difference between a pair and a chain, text heights per photo in between. True pairs differ by less than
-    one; false ones by at least words or lines."""
+# Parameters of the search for pairs.
+GROUP_LOSS_PX = 5.0
+"""Loss width of the first fit, pixels of the word scale (as in the prototype)."""
+FIRST_LOSS = 3.0
+SKEWED_LOSS = 6.0
+"""The loss at which a fit to a group begins, over `group_loss_px`; and a skewed view's to all matches."""
+COARSER = 0.5
+"""Resolution of the first look relative to word scale: where views share much, a quarter of the features do."""
+CLEAR_LEAD = 2.0
+"""The first look takes only pairs whose largest group has so many times the votes of the next. Rows that repeat
+have as many elsewhere, and need all features to be told apart."""
+PAIRS_PER_PHOTO = 4
+"""Largest number of pairs, per photo, in a look at word scale or finer: up to nine photos all of them, of more
+photos those with most votes at half of it. Of 16 photos in four rows, 24 to 42 pairs are neighbours."""
+FINER = 1.5
+"""Resolution of the third look at unturned views, relative to word scale."""
+MOST_RETRIES = 45
+"""Largest number of pairs in the finer passes: more unconnected pairs do not belong to one page."""
+HOPELESS = 4
+"""Of more photos than this, if no two overlap at word scale, upside down or not, none are searched any finer."""
+LARGEST_SCALE = 4.0
+"""Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
+AMBIGUITY = 0.7
+"""A result is ambiguous if a second place has at least this share of the found blocks."""
+RIVAL_VOTES = 0.25
+"""Least size of a group, relative to one that was verified, that is verified too: a second place with nearly as
+many blocks has nearly as many votes."""
+LEAST_OVERLAP = 0.01
+"""Least predicted overlap, as a share of the smaller view, that is searched."""
+GUIDED_FOUND = 5
+"""Least number of found blocks of a predicted pair. It is lower, because such a pair connects no new parts."""
+LINES = 1.5
+"""Extent of matches perpendicular to the lines, text heights, from which they are not of one line only ..."""
+PHRASE = 15.0
+"""... and least extent along a single line (about 25 characters) that may connect two parts."""
+SURE_AGREEMENT = 0.9
+"""Least share of found blocks of a pair by which others are known to lie apart; its matches extend over `lines`
+too. A piece of a line that is printed twice reached 0.73."""
+CONTRADICTING_OVERLAP = 0.03
+"""Least overlap, as a share of the smaller view, in which two connected parts are compared."""
+SKEWED_VOTES = 40
+"""A group with so many votes, and so many times those of the second largest, ..."""
+SKEWED_LEAD = 3.0
+"""... that is not verified belongs to a view whose rectification failed (pictures, or too few lines)."""
+SKEWED = FitParameters(0.2, 0.3, 0.3, largest_stretch=2.5)
+"""Prior for such a view: it was taken at up to 40 degrees from the vertical."""
+CONTRADICTION = 4.0
+"""Largest difference between a pair and a chain, text heights per photo in between. True pairs differ by less than
+one; false ones by at least words or lines."""
 
 
 def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]:
@@ -98,7 +93,6 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
     A pair that contradicts stronger ones in a loop is dropped. So is a pair that connects two parts by a piece of a
     single line.
     """
-    p = RegistrationParameters()
     prepared = {photo.index: PreparedPhoto(photo) for photo in photos}
     # Everything below depends on the order of content, not on the order of the upload.
     order = sorted(prepared, key=lambda index: prepared[index].key)
@@ -106,42 +100,42 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
     pairs: dict[tuple[int, int], PairRegistration] = {}
     sure: dict[tuple[int, int], PairRegistration] = {}
     promises: dict[tuple[int, int, int], int] = {}
-    looks = (0, p.coarser), (0, 1.0), (2, 1.0), (0, p.finer), (2, p.finer), (1, 1.0), (3, 1.0)
+    looks = (0, COARSER), (0, 1.0), (2, 1.0), (0, FINER), (2, FINER), (1, 1.0), (3, 1.0)
     for number, (turns, fineness) in enumerate(looks):
-        apart = _apart(order, pairs, number, p)
+        apart = _apart(order, pairs, number)
         if number > 0:
-            apart = _promising(apart, prepared, turns, promises, p)
-        candidates = [_vote(prepared[i], prepared[j], turns, fineness, p) for i, j in apart]
+            apart = _promising(apart, prepared, turns, promises)
+        candidates = [_vote(prepared[i], prepared[j], turns, fineness) for i, j in apart]
         if number == 0:
             promises = {(*pair, turns): _promise(each) for pair, each in zip(apart, candidates, strict=True)}
         # The surest pairs come first: others, which by these do not overlap, need no verification.
         for candidate in sorted(candidates, key=_promise, reverse=True):
-            if number == 0 and not _is_clear(candidate, p):
+            if number == 0 and not _is_clear(candidate):
                 continue
-            if _are_apart(candidate, sure, order, p):
+            if _are_apart(candidate, sure, order):
                 continue
-            registered = _register(candidate, p)
+            registered = _register(candidate)
             if registered is not None:
                 pairs[registered.a, registered.b] = registered
-                if _is_sure(registered, heights, p):
+                if _is_sure(registered, heights):
                     sure[registered.a, registered.b] = registered
         if len(connect_photos(order, pairs)) == 1:
             break
-    pairs = drop_contradictions(pairs, order, heights, p.contradiction)
+    pairs = drop_contradictions(pairs, order, heights, CONTRADICTION)
     pairs = drop_lonely_lines(
         pairs,
         order,
         heights,
-        p.lines,
-        p.phrase,
-        lambda joined, one, other: _contradicted(joined, one, other, order, prepared, p),
+        LINES,
+        PHRASE,
+        lambda joined, one, other: _contradicted(joined, one, other, order, prepared),
     )
     for _ in range(2):
-        added = dict(_guided(pairs, order, prepared, p))
+        added = dict(_guided(pairs, order, prepared))
         pairs |= added
         if not added:
             break
-    pairs = drop_contradictions(pairs, order, heights, p.contradiction)
+    pairs = drop_contradictions(pairs, order, heights, CONTRADICTION)
     return tuple(pairs[key] for key in sorted(pairs))
 
 
@@ -162,29 +156,25 @@ class PairCandidate:
         return sorted((group.votes for group in self.groups), reverse=True)
 
 
-def _vote(
-    a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: RegistrationParameters
-) -> PairCandidate:
+def _vote(a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float) -> PairCandidate:
     if b.key < a.key:
         a, b, turns = b, a, -turns % 4
     features = a.features(fineness, 0), b.features(fineness, turns)
     matches = match_features(*features)
     expected = a.photo.text_height_px / max(b.photo.text_height_px, 1e-6)
-    expected = float(np.clip(expected, 1 / p.largest_scale, p.largest_scale))
+    expected = float(np.clip(expected, 1 / LARGEST_SCALE, LARGEST_SCALE))
     groups = vote_displacements(matches, float(np.hypot(*a.photo.size)), expected_scale=expected)
     return PairCandidate(a, b, turns, features, matches, groups)
 
 
-def _apart(
-    order: Sequence[int], pairs: Pairs, number: int, p: RegistrationParameters
-) -> list[tuple[int, int]]:
+def _apart(order: Sequence[int], pairs: Pairs, number: int) -> list[tuple[int, int]]:
     """The pairs of photos in separate parts that the look `number` searches."""
     part_of = {i: part for part in connect_photos(order, pairs) for i in part}
     apart = [(i, j) for i, j in combinations(order, 2) if part_of[i] != part_of[j]]
     if number > 3:
         # Photos that are already connected had several attempts.
         apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
-    is_hopeless = len(apart) > p.most_retries or (not pairs and len(order) > p.hopeless)
+    is_hopeless = len(apart) > MOST_RETRIES or (not pairs and len(order) > HOPELESS)
     return [] if number > 2 and is_hopeless else apart
 
 
@@ -198,47 +188,44 @@ def _promising(
     prepared: Mapping[int, PreparedPhoto],
     turns: int,
     promises: Mapping[tuple[int, int, int], int],
-    p: RegistrationParameters,
 ) -> list[tuple[int, int]]:
     """The pairs with most votes at half the word scale, as many as may be looked at; their order stays.
 
     So the work on photos that do not overlap grows with their number, and not with that of their pairs. `promises` has
     the votes of pairs and turns that are known.
     """
-    most = p.pairs_per_photo * len(prepared)
+    most = PAIRS_PER_PHOTO * len(prepared)
     if len(apart) <= most:
         return apart
     votes = {
         (i, j): promises[i, j, turns]
         if (i, j, turns) in promises
-        else _promise(_vote(prepared[i], prepared[j], turns, p.coarser, p))
+        else _promise(_vote(prepared[i], prepared[j], turns, COARSER))
         for i, j in apart
     }
     least = sorted(votes.values(), reverse=True)[most - 1]
     return [pair for pair in apart if votes[pair] >= least][:most]
 
 
-def _is_clear(candidate: PairCandidate, p: RegistrationParameters) -> bool:
+def _is_clear(candidate: PairCandidate) -> bool:
     """Whether one displacement has far more votes than any other."""
     most, next_most = (*candidate.votes, 0, 0)[:2]
-    return most >= p.clear_lead * next_most
+    return most >= CLEAR_LEAD * next_most
 
 
-def _is_sure(pair: PairRegistration, heights_px: Mapping[int, float], p: RegistrationParameters) -> bool:
+def _is_sure(pair: PairRegistration, heights_px: Mapping[int, float]) -> bool:
     """Whether two photos have more in common than a piece of a line, which may be printed twice."""
-    return pair.agreement >= p.sure_agreement and matched_extent(pair, heights_px)[1] >= p.lines
+    return pair.agreement >= SURE_AGREEMENT and matched_extent(pair, heights_px)[1] >= LINES
 
 
-def _are_apart(
-    candidate: PairCandidate, sure: Pairs, order: Sequence[int], p: RegistrationParameters
-) -> bool:
+def _are_apart(candidate: PairCandidate, sure: Pairs, order: Sequence[int]) -> bool:
     """Whether the two photos do not overlap, by the `sure` pairs between them."""
     a, b = candidate.a.photo, candidate.b.photo
     way = find_ways(sure, order, [a.index]).get((a.index, b.index))
-    return way is not None and way[0] <= MOST_BETWEEN and overlap_fraction(a, b, way[1]) < p.least_overlap
+    return way is not None and way[0] <= MOST_BETWEEN and overlap_fraction(a, b, way[1]) < LEAST_OVERLAP
 
 
-def _register(candidate: PairCandidate, p: RegistrationParameters) -> PairRegistration | None:
+def _register(candidate: PairCandidate) -> PairRegistration | None:
     """Registration of the two photos; None: their overlap is not verified, or another place is as good."""
     a, b, turns = candidate.a, candidate.b, candidate.turns
     groups, matches, votes = candidate.groups, candidate.matches, candidate.votes
@@ -246,70 +233,63 @@ def _register(candidate: PairCandidate, p: RegistrationParameters) -> PairRegist
         return None
     H_turned_b = quarter_turn(turns, *b.photo.size)
     features = candidate.features
-    loss = p.group_loss_px / features[0].reduction
+    loss = GROUP_LOSS_PX / features[0].reduction
     overlaps: list[tuple[CompatibleGroup, Overlap]] = []
     for group in groups:
-        if group.votes < p.rival_votes * max((verified.votes for verified, _ in overlaps), default=0):
+        if group.votes < RIVAL_VOTES * max((verified.votes for verified, _ in overlaps), default=0):
             continue
-        H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height, p)
+        H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height)
         if H_a_turned is not None:
             overlap = verify_overlap(a, b, H_a_turned @ H_turned_b, turns)
             if overlap is not None:
                 overlaps.append((group, overlap))
     verification = VerificationParameters()
-    if not overlaps and votes[0] >= max(p.skewed_votes, p.skewed_lead * sum(votes[1:2])):
-        verification = VerificationParameters(fit=p.skewed)
+    if not overlaps and votes[0] >= max(SKEWED_VOTES, SKEWED_LEAD * sum(votes[1:2])):
+        verification = VerificationParameters(fit=SKEWED)
         group = max(groups, key=lambda group: group.votes)
-        H_a_turned = _fit_skewed(group, matches, loss, p)
+        H_a_turned = _fit_skewed(group, matches, loss)
         skewed = verify_overlap(a, b, H_a_turned @ H_turned_b, turns, None, verification)
         overlaps = [(group, skewed)] if skewed else []
     if not overlaps:
         return None
     group, best = max(overlaps, key=lambda one: one[1].found)
-    if any(_elsewhere(best, other, b, p) for _, other in overlaps if other is not best):
+    if any(_elsewhere(best, other, b) for _, other in overlaps if other is not best):
         return None
     rival = max((each.votes for each in groups if each is not group), default=0)
     return _refined(a, b, best, (len(matches.points_a), group.votes, rival), verification)
 
 
 def _fit_group(
-    group: CompatibleGroup,
-    matches: FeatureMatches,
-    loss: float,
-    width: int,
-    height: int,
-    p: RegistrationParameters,
+    group: CompatibleGroup, matches: FeatureMatches, loss: float, width: int, height: int
 ) -> Homography | None:
     points_a, points_b = matches.points_a[group.members], matches.points_b[group.members]
     initial = translation(*group.displacement) @ scaling(group.scale)
-    H, _ = fit_homography(points_a, points_b, np.ones(group.votes), initial, p.first_loss * loss, loss)
+    H, _ = fit_homography(points_a, points_b, np.ones(group.votes), initial, FIRST_LOSS * loss, loss)
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
     return H if is_sane(H, corners, group.scale) else None
 
 
-def _fit_skewed(
-    group: CompatibleGroup, matches: FeatureMatches, loss: float, p: RegistrationParameters
-) -> Homography:
+def _fit_skewed(group: CompatibleGroup, matches: FeatureMatches, loss: float) -> Homography:
     """A homography with foreshortening, fitted first to the group, then to all matches that agree with it."""
     points_a, points_b = matches.points_a, matches.points_b
     H: Homography = translation(*group.displacement) @ scaling(group.scale)
     for members, first_loss in (
-        (group.members, p.first_loss * loss),
-        (np.arange(len(points_a)), p.skewed_loss * loss),
+        (group.members, FIRST_LOSS * loss),
+        (np.arange(len(points_a)), SKEWED_LOSS * loss),
     ):
         weights = np.ones(len(members))
-        H, _ = fit_homography(points_a[members], points_b[members], weights, H, first_loss, loss, p.skewed)
+        H, _ = fit_homography(points_a[members], points_b[members], weights, H, first_loss, loss, SKEWED)
     return H
 
 
-def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto, p: RegistrationParameters) -> bool:
+def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto) -> bool:
     """Whether another place is nearly as good."""
-    if other.found < p.ambiguity * best.found:
+    if other.found < AMBIGUITY * best.found:
         return False
     width, height = b.photo.size
     middle = np.array([[(width - 1) / 2, (height - 1) / 2]])
     apart = transform_points(best.H_a_b, middle) - transform_points(other.H_a_b, middle)
-    return float(np.linalg.norm(apart)) > p.contradiction * b.photo.text_height_px
+    return float(np.linalg.norm(apart)) > CONTRADICTION * b.photo.text_height_px
 
 
 def _refined(
@@ -331,7 +311,7 @@ def _refined(
 
 
 def _guided(
-    pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto], p: RegistrationParameters
+    pairs: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto]
 ) -> Iterator[tuple[tuple[int, int], PairRegistration]]:
     """Pairs that were not found, but that overlap according to the other pairs."""
     ways = find_ways(pairs, order)
@@ -341,12 +321,10 @@ def _guided(
             continue
         between, H = ways[i, j]
         a, b = prepared[i], prepared[j]
-        if overlap_fraction(a.photo, b.photo, H) < p.least_overlap:
+        if overlap_fraction(a.photo, b.photo, H) < LEAST_OVERLAP:
             continue
         turns = _quarter_turns(H, b.photo)
-        overlap = verify_overlap(
-            a, b, H, turns, p.guided_search * between, VerificationParameters(found=p.guided_found)
-        )
+        overlap = verify_overlap(a, b, H, turns, SEARCH * between, VerificationParameters(found=GUIDED_FOUND))
         if overlap is not None:
             refined = _refined(a, b, overlap, (0, 0, 0))
             if refined is not None:
@@ -359,16 +337,15 @@ def _contradicted(
     other: tuple[int, ...],
     order: Sequence[int],
     prepared: Mapping[int, PreparedPhoto],
-    p: RegistrationParameters,
 ) -> bool:
     """Whether photos of two parts show different print where `pairs` predict an overlap."""
     ways = find_ways(pairs, order)
     for i, j in product(one, other):
         between, H = ways[i, j]
         a, b = prepared[i], prepared[j]
-        if not between or overlap_fraction(a.photo, b.photo, H) < p.contradicting_overlap:
+        if not between or overlap_fraction(a.photo, b.photo, H) < CONTRADICTING_OVERLAP:
             continue
-        if shows_otherwise(a, b, H, _quarter_turns(H, b.photo), p.guided_search * between):
+        if shows_otherwise(a, b, H, _quarter_turns(H, b.photo), SEARCH * between):
             return True
     return False
 

@@ -22,6 +22,15 @@ from services.texture_flow.text_identification import (
     keep_characters,
 )
 
+# Working sizes of the analysis, and its least input.
+LEAST_SIDE_PX = 700
+"""Smaller photos are enlarged for that, to `enlarged_side_px` or by `most_enlargement`: their letters touch."""
+ENLARGED_SIDE_PX = 1000
+MOST_ENLARGEMENT = 3.0
+STROKE_TEXT_HEIGHT_PX = 20.0
+"""Minor flow: above this text height, strokes gain nothing from more pixels."""
+MIN_FLOW_SAMPLES = 6
+
 
 @dataclass(frozen=True, slots=True)
 class AnalysisParameters:
@@ -29,17 +38,8 @@ class AnalysisParameters:
 
     long_side_px: int = 1600
     """Text and major flow: text height is then about 8 px on a full page of small print."""
-    least_side_px: int = 700
-    """Smaller photos are enlarged for that, to `enlarged_side_px` or by `most_enlargement`: their letters touch."""
-    enlarged_side_px: int = 1000
-    most_enlargement: float = 3.0
-    stroke_text_height_px: float = 20.0
-    """Minor flow: above this text height, strokes gain nothing from more pixels."""
     least_reduction: float = 1.0
     """A factor above this is left out: it takes more time than the pixels that it saves."""
-    other_page_share: float = 0.02
-    """If a larger share of the characters was left out as those of another page, the flows are measured again."""
-    min_flow_samples: int = 6
     major: MajorFlowParameters = field(default_factory=MajorFlowParameters)
     minor: MinorFlowParameters = field(default_factory=MinorFlowParameters)
     paper: PaperParameters = field(default_factory=PaperParameters)
@@ -103,8 +103,8 @@ def find_text(
     halves = Halves.of(photo)
     gray = luminance(halves.image)
     factor = min(1.0, p.long_side_px / max(gray.shape))
-    if max(gray.shape) < p.least_side_px:
-        factor = min(p.enlarged_side_px / max(gray.shape), p.most_enlargement)
+    if max(gray.shape) < LEAST_SIDE_PX:
+        factor = min(ENLARGED_SIDE_PX / max(gray.shape), MOST_ENLARGEMENT)
     seen = reduce_image(gray, factor) if factor <= 1 else enlarge_image(gray, factor)
     light = reduced_light(seen)
     reduced = divide_by_light(seen, light)

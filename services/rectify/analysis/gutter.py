@@ -13,54 +13,51 @@ from services.imaging.reduction import reduce_image
 from services.robust import cauchy_weights, fit_reweighted
 from services.texture_flow.field import FlowSamples, angle_difference
 
-
-@dataclass(frozen=True, slots=True)
-class GutterParameters:
-    """Lengths are multiples of the text height, contrasts differences of the logarithm of brightness."""
-
-    jump_range: tuple[float, float] = (1.0, 30.0)
-    """Distances from the gutter within which directions are compared."""
-    min_samples: int = 4
-    many_samples: int = 12
-    """From here on a side's directions are continued to the gutter by a quadratic: near a gutter pages bend, and
-    a linear continuation has errors of ten degrees."""
-    spread_rad: float = 0.05
-    """Of directions about their fit; more is an outlier."""
-    row: float = 2.0
-    """Height of the rows in which the text on both sides is compared."""
-    gap_percentile: float = 30.0
-    """Of the rows: short lines leave wider gaps."""
-    min_rows: int = 4
-    slopes: float = 0.4
-    """Of a gutter against the strokes, at most, either way; perspective makes this much."""
-    slope_steps: int = 33
-    gap: float = 5.0
-    """Least gap between two pages, as `row_gap` measures it: two margins."""
-    close_gap: float = 4.0
-    """Least gap where the gutter is as dark as `close_dip`: in thick books the margins bend down into it."""
-    close_dip: float = 0.25
-    band: float = 3.5
-    """Least width of a straight band without text in the gap: headings and formulas extend into the margins."""
-    stray_share: float = 0.003
-    """Largest share of the characters in the gap (specks, marginal notes)."""
-    page_share: float = 0.12
-    """A smaller share of the characters is not a page."""
-    likely_share: float = 0.6
-    """Gaps wider than this share of the widest one are candidates too."""
-    dip: float = 0.1
-    """A gutter is darker than the paper on both sides by this, at least. Simulated ones are by 0.26 to 1.1; gaps on
-    creased sheets, at which lines turn as they do at a gutter, by 0.03."""
-    turn_rad: float = float(np.deg2rad(4.0))
-    """Where several gaps are dark, a turn of the lines by this says as much as `dip`."""
-    clear_gap: float = 1.5
-    """A gutter that is not dark is wider than all other gaps by this factor: columns have gaps of one width."""
-    central: float = 0.1
-    """Its distance from the middle of the text, as a share of the text's width, at most."""
-    page_aspects: tuple[float, float] = (0.5, 1.0)
-    """Width over height of the photo's part on either side of it; half of an upright sheet of paper is narrower."""
-    long_side_px: int = 700
-    paper_percentile: float = 75.0
-    """Of the brightness along a line through text: paper."""
+# Lengths are multiples of the text height, contrasts differences of the logarithm of brightness.
+JUMP_RANGE = (1.0, 30.0)
+"""Distances from the gutter within which directions are compared."""
+MIN_SAMPLES = 4
+MANY_SAMPLES = 12
+"""From here on a side's directions are continued to the gutter by a quadratic: near a gutter pages bend, and
+a linear continuation has errors of ten degrees."""
+SPREAD_RAD = 0.05
+"""Of directions about their fit; more is an outlier."""
+ROW_HEIGHT = 2.0
+"""Height of the rows in which the text on both sides is compared."""
+GAP_PERCENTILE = 30.0
+"""Of the rows: short lines leave wider gaps."""
+MIN_ROWS = 4
+LARGEST_SLOPE = 0.4
+"""Of a gutter against the strokes, at most, either way; perspective makes this much."""
+SLOPE_STEPS = 33
+PAGE_GAP = 5.0
+"""Least gap between two pages, as `row_gap` measures it: two margins. On simulated photos columns have 0.9 to 4.5, two
+pages 5.1 to 12."""
+CLOSE_GAP = 4.0
+"""Least gap where the gutter is as dark as `close_dip`: in thick books the margins bend down into it."""
+CLOSE_DIP = 0.25
+LEAST_BAND = 3.5
+"""Least width of a straight band without text in the gap: headings and formulas extend into the margins."""
+STRAY_SHARE = 0.003
+"""Largest share of the characters in the gap (specks, marginal notes)."""
+PAGE_SHARE = 0.12
+"""A smaller share of the characters is not a page."""
+LIKELY_SHARE = 0.6
+"""Gaps wider than this share of the widest one are candidates too."""
+DIP = 0.1
+"""A gutter is darker than the paper on both sides by this, at least. Simulated ones are by 0.26 to 1.1; gaps on
+creased sheets, at which lines turn as they do at a gutter, by 0.03."""
+TURN_RAD = float(np.deg2rad(4.0))
+"""Where several gaps are dark, a turn of the lines by this says as much as `dip`."""
+CLEAR_GAP = 1.5
+"""A gutter that is not dark is wider than all other gaps by this factor: columns have gaps of one width."""
+CENTRAL = 0.1
+"""Its distance from the middle of the text, as a share of the text's width, at most."""
+PAGE_ASPECTS = (0.5, 1.0)
+"""Width over height of the photo's part on either side of it; half of an upright sheet of paper is narrower."""
+LONG_SIDE_PX = 700
+PAPER_PERCENTILE = 75.0
+"""Of the brightness along a line through text: paper."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,47 +73,37 @@ class Gutter:
     jump_rad: float
 
 
-def row_gap(
-    distances: Vector, rows: Vector, text_height: float, parameters: GutterParameters | None = None
-) -> float:
+def row_gap(distances: Vector, rows: Vector, text_height: float) -> float:
     """Typical gap across a line between the text on both sides of it, in text heights.
 
     `distances` (N,) of characters from the line are signed, `rows` (N,) are along it; both in pixels. Infinite where
     too few rows have text on both sides.
     """
-    p = parameters or GutterParameters()
-    row = np.floor((rows - rows.min()) / (p.row * text_height)).astype(int)
+    row = np.floor((rows - rows.min()) / (ROW_HEIGHT * text_height)).astype(int)
     right = np.full(row.max() + 1, np.inf)
     left = right.copy()
     np.minimum.at(right, row[distances > 0], distances[distances > 0])
     np.minimum.at(left, row[distances <= 0], -distances[distances <= 0])
     gaps = (left + right)[np.isfinite(left + right)]
-    if len(gaps) < p.min_rows:
+    if len(gaps) < MIN_ROWS:
         return float("inf")
-    return float(np.percentile(gaps, p.gap_percentile)) / text_height
+    return float(np.percentile(gaps, GAP_PERCENTILE)) / text_height
 
 
-def direction_jump(
-    distances: Vector,
-    rows: Vector,
-    flow: FlowSamples,
-    text_height: float,
-    parameters: GutterParameters | None = None,
-) -> float:
+def direction_jump(distances: Vector, rows: Vector, flow: FlowSamples, text_height: float) -> float:
     """Change of the text lines' direction (rad) across a line, each side's continued to it smoothly.
 
     `distances` (M,) of the samples of `flow` from the line are signed, `rows` (M,) are along it. 0 where one side has
     too few samples.
     """
-    p = parameters or GutterParameters()
-    near, far = (v * text_height for v in p.jump_range)
+    near, far = (v * text_height for v in JUMP_RANGE)
     ends, spans = [], []
     for sign in (-1, 1):
         away = sign * distances
         used = (away > near) & (away < far)
-        if used.sum() < p.min_samples:
+        if used.sum() < MIN_SAMPLES:
             return 0.0
-        ends.append(_continue_directions(away[used] / far, rows[used] / far, flow.select(used), p))
+        ends.append(_continue_directions(away[used] / far, rows[used] / far, flow.select(used)))
         spans.append((rows[used].min(), rows[used].max()))
     low, high = max(spans[0][0], spans[1][0]), min(spans[0][1], spans[1][1])
     at = np.linspace(low, high, 9) if high > low else np.array([0.5 * (low + high)])
@@ -124,21 +111,19 @@ def direction_jump(
     return float(np.median(np.abs(angle_difference(left, right))))
 
 
-def _continue_directions(
-    away: Vector, rows: Vector, flow: FlowSamples, p: GutterParameters
-) -> tuple[float, float, float]:
+def _continue_directions(away: Vector, rows: Vector, flow: FlowSamples) -> tuple[float, float, float]:
     """Direction at `away` = 0, its slope along the rows, and the row of that direction, by a robust smooth fit."""
     reference = 0.5 * float(np.angle(np.sum(flow.weights * np.exp(2j * flow.angles))))
     middle = float(np.median(rows))
     terms = [np.ones_like(away), away, rows - middle]
-    if len(away) >= p.many_samples:
+    if len(away) >= MANY_SAMPLES:
         terms += [away**2, away * (rows - middle)]
     design = np.stack(terms, axis=1)
     # All coefficients but the first are damped a little: few samples do not determine them.
     held = np.diag([1e-6, *[0.1 if len(terms) > 3 else 0.3] * (len(terms) - 1)])
     value = angle_difference(flow.angles, reference)
     c = fit_reweighted(
-        design, value, cauchy_weights, lambda *_: p.spread_rad, 4, weights=flow.weights, damping=held
+        design, value, cauchy_weights, lambda *_: SPREAD_RAD, 4, weights=flow.weights, damping=held
     )
     return reference + float(c[0]), float(c[2]), middle
 
@@ -169,46 +154,45 @@ def find_gutter(
     Gutter or None
         None if no gap between text is dark, or divides the photo like a book.
     """
-    p = GutterParameters()
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     turn = np.array([[cos, sin], [-sin, cos]])
     at, samples = characters @ turn.T, flow.points @ turn.T
-    found = _gaps(at, text_height, p)
+    found = _gaps(at, text_height)
     if not found:
         return None
     widest = max(high - low for _, low, high in found)
-    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
+    factor = min(1.0, LONG_SIDE_PX / max(photo.shape[:2]))
     brightness = log_brightness(reduce_image(photo, factor, least_side_px=8, fine=False))
     gutters: list[tuple[float, Gutter]] = []
     widths = []
     for slope, low, high in found:
-        if high - low < p.likely_share * widest:
+        if high - low < LIKELY_SHARE * widest:
             continue
-        place, dip = _darkest(brightness, factor, turn, slope, (low, high), at, p)
+        place, dip = _darkest(brightness, factor, turn, slope, (low, high), at)
         away, across = (v[:, 0] - slope * v[:, 1] - place for v in (at, samples))
-        gap = row_gap(away, at[:, 1], text_height, p)
+        gap = row_gap(away, at[:, 1], text_height)
         widths.append(gap)
-        if gap < (p.close_gap if dip > p.close_dip else p.gap):
+        if gap < (CLOSE_GAP if dip > CLOSE_DIP else PAGE_GAP):
             continue
-        jump = direction_jump(across, samples[:, 1], flow, text_height, p)
+        jump = direction_jump(across, samples[:, 1], flow, text_height)
         reach = float(np.hypot(*photo.shape[:2]))
         ends = np.array([at[:, 1].min() - reach, at[:, 1].max() + reach])
         line = np.column_stack([place + slope * ends, ends]) @ turn
         gutters.append((gap, Gutter(np.asarray(line), np.asarray(away > 0), dip, jump)))
-    dark = [gutter for _, gutter in gutters if gutter.dip > p.dip]
+    dark = [gutter for _, gutter in gutters if gutter.dip > DIP]
     if dark:
-        return max(dark, key=lambda gutter: gutter.dip / p.dip + gutter.jump_rad / p.turn_rad)
-    clear = [gutter for gap, gutter in gutters if np.isfinite(gap) and _is_widest(gap, widths, p)]
+        return max(dark, key=lambda gutter: gutter.dip / DIP + gutter.jump_rad / TURN_RAD)
+    clear = [gutter for gap, gutter in gutters if np.isfinite(gap) and _is_widest(gap, widths)]
     frame = np.array([[0, 0], [photo.shape[1], 0], [0, photo.shape[0]], photo.shape[1::-1]]) @ turn.T
-    return next((gutter for gutter in clear if _divides_pages(gutter.line @ turn.T, at, frame, p)), None)
+    return next((gutter for gutter in clear if _divides_pages(gutter.line @ turn.T, at, frame)), None)
 
 
-def _is_widest(gap: float, gaps: list[float], p: GutterParameters) -> bool:
+def _is_widest(gap: float, gaps: list[float]) -> bool:
     """Whether `gap` is clearly wider than all others of the `gaps`."""
-    return sum(other > gap / p.clear_gap for other in gaps) == 1
+    return sum(other > gap / CLEAR_GAP for other in gaps) == 1
 
 
-def _divides_pages(ends: Points, at: Points, frame: Points, p: GutterParameters) -> bool:
+def _divides_pages(ends: Points, at: Points, frame: Points) -> bool:
     """Whether the line between `ends` (2, 2) divides text and photo in the middle, into parts like pages.
 
     `at` (N, 2) are the characters and `frame` (4, 2) the photo's corners; lines of text are level.
@@ -216,24 +200,24 @@ def _divides_pages(ends: Points, at: Points, frame: Points, p: GutterParameters)
     place = float(np.interp(np.median(at[:, 1]), ends[:, 1], ends[:, 0]))
     first, last = (float(v) for v in np.percentile(at[:, 0], [1, 99]))
     (left, top), (right, bottom) = frame.min(axis=0), frame.max(axis=0)
-    central = abs(place - 0.5 * (first + last)) < p.central * (last - first)
-    low, high = p.page_aspects
+    central = abs(place - 0.5 * (first + last)) < CENTRAL * (last - first)
+    low, high = PAGE_ASPECTS
     like_pages = all(low < width / (bottom - top) < high for width in (place - left, right - place))
     return central and like_pages
 
 
-def _gaps(at: Points, text_height: float, p: GutterParameters) -> list[tuple[float, float, float]]:
+def _gaps(at: Points, text_height: float) -> list[tuple[float, float, float]]:
     """Slopes, and bounds of x - slope y, of the empty bands between characters `at` (N, 2) that may be gutters.
 
     Of each band at neighbouring slopes only the widest.
     """
-    strays = int(p.stray_share * len(at))
-    first, last = int(p.page_share * len(at)), int((1 - p.page_share) * len(at))
+    strays = int(STRAY_SHARE * len(at))
+    first, last = int(PAGE_SHARE * len(at)), int((1 - PAGE_SHARE) * len(at))
     bands: list[tuple[float, float, float]] = []
-    for slope in np.linspace(-p.slopes, p.slopes, p.slope_steps):
+    for slope in np.linspace(-LARGEST_SLOPE, LARGEST_SLOPE, SLOPE_STEPS):
         x = np.sort(at[:, 0] - slope * (at[:, 1] - np.median(at[:, 1])))
         width = x[strays + 1 :] - x[: len(x) - strays - 1]
-        for k in np.flatnonzero(width > p.band * text_height):
+        for k in np.flatnonzero(width > LEAST_BAND * text_height):
             if first <= k <= last:
                 shift = slope * float(np.median(at[:, 1]))
                 bands.append((float(slope), float(x[k]) - shift, float(x[k + strays + 1]) - shift))
@@ -243,19 +227,13 @@ def _gaps(at: Points, text_height: float, p: GutterParameters) -> list[tuple[flo
     for slope, low, high in bands:
         centre = 0.5 * (low + high) + slope * middle_row
         others = [0.5 * (a + b) + s * middle_row for s, a, b in kept]
-        if all(abs(centre - other) > p.gap * text_height for other in others):
+        if all(abs(centre - other) > PAGE_GAP * text_height for other in others):
             kept.append((slope, low, high))
     return kept
 
 
 def _darkest(
-    brightness: Floats,
-    factor: float,
-    turn: Floats,
-    slope: float,
-    band: tuple[float, float],
-    at: Points,
-    p: GutterParameters,
+    brightness: Floats, factor: float, turn: Floats, slope: float, band: tuple[float, float], at: Points
 ) -> tuple[float, float]:
     """The darkest line within a band (x - slope y between its bounds), and its contrast to the paper on both sides.
 
@@ -273,7 +251,7 @@ def _darkest(
     values = cv2.remap(
         brightness, seen[..., 0], seen[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    paper = np.percentile(values, p.paper_percentile, axis=0)
+    paper = np.percentile(values, PAPER_PERCENTILE, axis=0)
     inside = np.flatnonzero((x >= low) & (x <= high))
     # Of a few columns on either side the brightest: a gutter has two brighter sides, the edge of a shadow has one.
     depth = [min(paper[: k + 1].max(), paper[k:].max()) - paper[k] for k in inside]

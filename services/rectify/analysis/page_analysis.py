@@ -15,6 +15,8 @@ from services.imaging.paper import Paper
 from services.imaging.photo_part import PhotoPart, cut_part
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.analysis.found_text import (
+    MIN_FLOW_SAMPLES,
+    STROKE_TEXT_HEIGHT_PX,
     AnalysisParameters,
     FoundText,
     characters_in_photo,
@@ -216,23 +218,22 @@ def _analyse_dark_print(
                 seen.paper,
                 is_spread=is_spread,
             )
-            left_out = 1 - found.kept.mean()
             # Most of what was left out is text, so the share of other ink is not computed again.
             if is_spread and found.facing.sum() >= FEWEST_CHARACTERS:
                 facing = replace(
                     keep_characters(text, found.facing), rejected_fraction=text.rejected_fraction
                 )
             text = replace(keep_characters(text, found.kept), rejected_fraction=text.rejected_fraction)
-        if left_out > p.other_page_share:
+        if not found.kept.all():
             with clock.stage("texture_flow"):
                 flows = _measure_flows(seen, text, p)
-    if len(flows[0].samples) < p.min_flow_samples:
+    if len(flows[0].samples) < MIN_FLOW_SAMPLES:
         raise NoText(NO_DIRECTION)
     pages = [_analysis_of(seen, text, flows, found)]
     if facing is not None:
         with clock.stage("texture_flow"):
             flows = _measure_flows(seen, facing, p)
-        if len(flows[0].samples) >= p.min_flow_samples:
+        if len(flows[0].samples) >= MIN_FLOW_SAMPLES:
             pages.append(_analysis_of(seen, facing, flows, found))
     return tuple(pages)
 
@@ -246,7 +247,7 @@ def analyse_text(found: FoundText, p: AnalysisParameters) -> PageAnalysis:
         When its lines show no common direction.
     """
     flows = _measure_flows(found, found.text, p)
-    if len(flows[0].samples) < p.min_flow_samples:
+    if len(flows[0].samples) < MIN_FLOW_SAMPLES:
         raise NoText(NO_DIRECTION)
     return _analysis_of(found, found.text, flows, None)
 
@@ -291,7 +292,7 @@ def _measure_flows(
 
 def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> tuple[PhotoPart, Mask]:
     """The part of the photo that holds the `text`, at the size for strokes, and the text's area (h, w) there."""
-    factor = p.stroke_text_height_px * seen.factor / text.text_height_px
+    factor = STROKE_TEXT_HEIGHT_PX * seen.factor / text.text_height_px
     if factor > p.least_reduction:
         factor = 1.0
     margin = int(np.ceil(MARGIN_TEXT_HEIGHTS * text.text_height_px))

@@ -20,7 +20,15 @@ from services.imaging.channels import log_brightness
 from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
 from services.imaging.reduction import Halves, reduce_image
-from services.rectify.analysis.gutter import Gutter, direction_jump, find_gutter, row_gap
+from services.rectify.analysis.gutter import (
+    LONG_SIDE_PX,
+    PAGE_GAP,
+    Gutter,
+    direction_jump,
+    find_gutter,
+    row_gap,
+)
+from services.rectify.analysis.photo_border import NEAR_BORDER
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.text_identification import FEWEST_CHARACTERS
 
@@ -31,41 +39,32 @@ EDGES = LongEdgeParameters(contrast=0.05, noise_factor=0.0, candidates=60, sheet
 SAME_PAPER = PaperParameters(text_contrast=0.35)
 
 
-@dataclass(frozen=True, slots=True)
-class PageChoiceParameters:
-    """Lengths are multiples of the text height, contrasts differences of the logarithm of brightness."""
-
-    long_side_px: int = 700
-    slopes: tuple[float, ...] = (-0.2, 0.0, 0.2)
-    """Of edges against the strokes; an edge may lean by 0.14 more."""
-    near: float = 0.5
-    near_share: float = 0.004
-    """Largest share of the characters that are nearer than `near` to an edge between pages."""
-    few: float = 0.03
-    """A smaller share of the characters is not a page."""
-    few_on_desk: float = 0.1
-    """Neither is a smaller share that does not lie on paper like the main page's."""
-    few_contrast: float = 0.3
-    """Few characters are left out when the ground beyond the edge differs by this from the paper before it."""
-    contrast_share: float = 0.8
-    cut_contrast: float = 0.1
-    """Least contrast of an edge, if the text beyond it is cut off by the end of the photo."""
-    jump_rad: float = float(np.deg2rad(8.0))
-    column_gap: float = 5.0
-    """With a smaller gap between them, texts on both sides are columns of one page. `row_gap` on simulated photos:
-    columns 0.9 to 4.5, two pages 5.1 to 12."""
-    column_jump_rad: float = float(np.deg2rad(30.0))
-    """Unless the lines change their direction by this: bent columns show up to 24 degrees."""
-    border: float = 2.0
-    """Characters nearer to the end of the photo are cut off, or are next to some that are."""
-    cut_share: float = 0.3
-    """Of a page's lines that are cut off."""
-    cut_worth: float = 0.5
-    """Of a character on a page that is cut off, when the main page is chosen."""
-    same_paper_share: float = 0.5
-    """Of the characters beyond an edge, when they lie on paper like the main page's."""
-    stray_share: float = 0.005
-    """A smaller share of stray characters does no harm and is kept."""
+# Lengths are multiples of the text height, contrasts differences of the logarithm of brightness.
+SLOPES = (-0.2, 0.0, 0.2)
+"""Of edges against the strokes; an edge may lean by 0.14 more."""
+NEAR = 0.5
+NEAR_SHARE = 0.004
+"""Largest share of the characters that are nearer than `near` to an edge between pages."""
+FEW = 0.03
+"""A smaller share of the characters is not a page."""
+FEW_ON_DESK = 0.1
+"""Neither is a smaller share that does not lie on paper like the main page's."""
+FEW_CONTRAST = 0.3
+"""Few characters are left out when the ground beyond the edge differs by this from the paper before it."""
+CONTRAST_SHARE = 0.8
+CUT_CONTRAST = 0.1
+"""Least contrast of an edge, if the text beyond it is cut off by the end of the photo."""
+JUMP_RAD = float(np.deg2rad(8.0))
+COLUMN_JUMP_RAD = float(np.deg2rad(30.0))
+"""Unless the lines change their direction by this: bent columns show up to 24 degrees."""
+CUT_SHARE = 0.3
+"""Of a page's lines that are cut off."""
+CUT_WORTH = 0.5
+"""Of a character on a page that is cut off, when the main page is chosen."""
+SAME_PAPER_SHARE = 0.5
+"""Of the characters beyond an edge, when they lie on paper like the main page's."""
+STRAY_SHARE = 0.005
+"""A smaller share of stray characters does no harm and is kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,29 +149,26 @@ def choose_page(
     PageChoice
         Which characters are on which page, and the lines between the pages.
     """
-    p = PageChoiceParameters()
     halves = Halves.of(photo)
     size = (halves.image.shape[1], halves.image.shape[0])
     text = _Text(characters, text_height_px, major, size)
     direction = _reading_direction(major, minor)
-    divides = _divides(halves, text, direction, p)
+    divides = _divides(halves, text, direction)
     everything = np.ones(len(characters), bool)
-    choice = _divide(everything, divides, text, paper, p)
+    choice = _divide(everything, divides, text, paper)
     if is_spread and not choice.facing_page:
         gutter = find_gutter(halves.image, characters, text_height_px, major, direction)
-        choice = choice if gutter is None else _split(gutter, choice.kept, text, p)
+        choice = choice if gutter is None else _split(gutter, choice.kept, text)
     if choice.facing_page:
         # Characters beyond the facing page's own edges are not on it.
-        facing = choice.facing & _divide(choice.facing, divides, text, paper, p).kept
+        facing = choice.facing & _divide(choice.facing, divides, text, paper).kept
         return PageChoice(choice.kept, facing, choice.gutters)
-    if (~choice.kept).sum() <= p.stray_share * len(characters):
+    if (~choice.kept).sum() <= STRAY_SHARE * len(characters):
         return PageChoice(everything, choice.facing)
     return choice
 
 
-def _divide(
-    candidates: Chosen, divides: list[_Divide], text: _Text, paper: Paper, p: PageChoiceParameters
-) -> PageChoice:
+def _divide(candidates: Chosen, divides: list[_Divide], text: _Text, paper: Paper) -> PageChoice:
     """The main page among the `candidates` (N,), and the facing page."""
     kept, facing = candidates.copy(), np.zeros(len(candidates), bool)
     gutters: tuple[Points, ...] = ()
@@ -182,14 +178,14 @@ def _divide(
         sides = (kept & ~right, kept & right)
         if not sides[0].any() or not sides[1].any():
             continue
-        main, other = sorted(sides, key=lambda side: -_worth(side, text, p))
+        main, other = sorted(sides, key=lambda side: -_worth(side, text))
         if main.sum() < FEWEST_CHARACTERS:
             continue
-        on_paper = float(paper.holds(text.characters[other], SAME_PAPER).mean()) >= p.same_paper_share
-        is_few = other.sum() <= (p.few if on_paper else p.few_on_desk) * len(candidates)
-        if is_few and divides[k].edge.ground_differs(p.few_contrast, p.contrast_share):
+        on_paper = float(paper.holds(text.characters[other], SAME_PAPER).mean()) >= SAME_PAPER_SHARE
+        is_few = other.sum() <= (FEW if on_paper else FEW_ON_DESK) * len(candidates)
+        if is_few and divides[k].edge.ground_differs(FEW_CONTRAST, CONTRAST_SHARE):
             kept &= ~other
-        elif not is_few and _is_another_page(divides[k], other, text, p):
+        elif not is_few and _is_another_page(divides[k], other, text):
             kept &= ~other
             # Edges are sorted by how well they separate the pages: the first one is the gutter.
             if not gutters:
@@ -207,9 +203,9 @@ def _lines_between(main: Chosen, other: Chosen, divides: list[_Divide]) -> tuple
     return tuple(lines)
 
 
-def _split(gutter: Gutter, kept: Chosen, text: _Text, p: PageChoiceParameters) -> PageChoice:
+def _split(gutter: Gutter, kept: Chosen, text: _Text) -> PageChoice:
     sides = (kept & ~gutter.right, kept & gutter.right)
-    main, other = sorted(sides, key=lambda side: -_worth(side, text, p))
+    main, other = sorted(sides, key=lambda side: -_worth(side, text))
     return PageChoice(main, other, (gutter.line,))
 
 
@@ -220,15 +216,15 @@ def _reading_direction(major: FlowSamples, minor: FlowSamples | None) -> float:
     return 0.5 * float(np.angle(doubled))
 
 
-def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoiceParameters) -> list[_Divide]:
+def _divides(photo: Halves, text: _Text, direction_rad: float) -> list[_Divide]:
     """Long edges across the text lines, near to which there are almost no characters."""
-    factor = min(1.0, p.long_side_px / max(text.size))
+    factor = min(1.0, LONG_SIDE_PX / max(text.size))
     small = reduce_image(photo, factor, least_side_px=8, fine=False)
     size = (small.shape[1], small.shape[0])
     brightness = log_brightness(small)
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     found = []
-    for slope in p.slopes:
+    for slope in SLOPES:
         A = np.array([[1.0, -slope], [0.0, 1.0]]) @ np.array([[cos, sin], [-sin, cos]])
         corners = np.array([[0, 0], [size[0], 0], [0, size[1]], size]) @ A.T
         low = corners.min(axis=0)
@@ -248,7 +244,7 @@ def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoicePara
         along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))
         for edge in find_long_edges(np.asarray(turned), shown, along, width, EDGES):
             away = (at[:, 0] - edge.at(at[:, 1])) / factor
-            if (np.abs(away) < p.near * text.height).sum() <= p.near_share * len(at):
+            if (np.abs(away) < NEAR * text.height).sum() <= NEAR_SHARE * len(at):
                 across = (samples[:, 0] - edge.at(samples[:, 1])) / factor
                 rows = np.linspace(0, height - 1, 60)
                 line = replace(np.column_stack([edge.at(rows), rows]))
@@ -256,9 +252,9 @@ def _divides(photo: Halves, text: _Text, direction_rad: float, p: PageChoicePara
     return found
 
 
-def _at_end_of_photo(side: Chosen, text: _Text, p: PageChoiceParameters) -> float:
+def _at_end_of_photo(side: Chosen, text: _Text) -> float:
     """Share of the lines of a page's characters that reach the end of the photo."""
-    points, reach = text.characters[side], p.border * text.height
+    points, reach = text.characters[side], NEAR_BORDER * text.height
     last = np.array(text.size) - 1
     share = 0.0
     for axis in (0, 1):
@@ -268,22 +264,22 @@ def _at_end_of_photo(side: Chosen, text: _Text, p: PageChoiceParameters) -> floa
     return share
 
 
-def _worth(side: Chosen, text: _Text, p: PageChoiceParameters) -> float:
+def _worth(side: Chosen, text: _Text) -> float:
     """How much of the photo's subject a page is: its characters, less when it is cut off or far from the middle."""
     if not side.any():
         return 0.0
     middle = np.array(text.size) / 2
     away = np.linalg.norm(text.characters[side].mean(axis=0) - middle) / np.linalg.norm(middle)
-    whole = p.cut_worth if _at_end_of_photo(side, text, p) > p.cut_share else 1.0
+    whole = CUT_WORTH if _at_end_of_photo(side, text) > CUT_SHARE else 1.0
     return float(side.sum() * whole * np.exp(-(away**2)))
 
 
-def _is_another_page(divide: _Divide, other: Chosen, text: _Text, p: PageChoiceParameters) -> bool:
+def _is_another_page(divide: _Divide, other: Chosen, text: _Text) -> bool:
     """Whether the lines change their direction at the edge, or those beyond it are cut off."""
     jump = direction_jump(divide.samples, divide.sample_rows, text.major, text.height)
-    if row_gap(divide.characters, divide.character_rows, text.height) < p.column_gap:
-        return jump > p.column_jump_rad
-    if jump > p.jump_rad:
+    if row_gap(divide.characters, divide.character_rows, text.height) < PAGE_GAP:
+        return jump > COLUMN_JUMP_RAD
+    if jump > JUMP_RAD:
         return True
-    cut_off = _at_end_of_photo(other, text, p) > p.cut_share
-    return cut_off and divide.edge.ground_differs(p.cut_contrast, p.contrast_share)
+    cut_off = _at_end_of_photo(other, text) > CUT_SHARE
+    return cut_off and divide.edge.ground_differs(CUT_CONTRAST, CONTRAST_SHARE)

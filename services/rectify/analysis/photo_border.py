@@ -1,6 +1,6 @@
 """Pages that extend beyond the photo: print at its border, and sides of an outline that are not the sheet's."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -8,19 +8,15 @@ import numpy as np
 from services.arrays import Points
 from services.sheet.outline.results import SheetOutline
 
-
-@dataclass(frozen=True, slots=True)
-class PhotoBorderParameters:
-    """When print counts as cut by the photo's border."""
-
-    near: float = 1.5
-    """In text heights."""
-    characters: int = 3
-    """Least number of characters near the border; one may be a speck."""
-    beside_sheet: float = 0.5
-    """In text heights: print lies within the sheet's outline, or the border is a wrong outline's."""
-    hugging: float = 0.04
-    """A side whose median point is nearer to the border than this share of the photo's long side lies on it."""
+# When print counts as cut by the photo's border.
+NEAR_BORDER = 2.0
+"""In text heights."""
+CHARACTERS = 3
+"""Least number of characters near the border; one may be a speck."""
+BESIDE_SHEET = 0.5
+"""In text heights: print lies within the sheet's outline, or the border is a wrong outline's."""
+HUGGING = 0.05
+"""A side whose median point is nearer to the border than this share of the photo's long side lies on it."""
 
 
 BORDERS = ("left", "top", "right", "bottom")
@@ -38,26 +34,24 @@ def find_cut_borders(
 
     Without it, the grain of a desk may count as print.
     """
-    p = PhotoBorderParameters()
-    near = border_gaps(characters, width, height) < p.near * text_height_px
+    near = border_gaps(characters, width, height) < NEAR_BORDER * text_height_px
     if sheet is not None:
-        contour, reach = sheet.astype(np.float32), p.beside_sheet * text_height_px
+        contour, reach = sheet.astype(np.float32), BESIDE_SHEET * text_height_px
         for k in np.flatnonzero(near.any(axis=1)):
             at = (float(characters[k, 0]), float(characters[k, 1]))
             near[k] &= cv2.pointPolygonTest(contour, at, True) > -reach
-    return {border for border, count in zip(BORDERS, near.sum(axis=0), strict=True) if count >= p.characters}
+    return {border for border, count in zip(BORDERS, near.sum(axis=0), strict=True) if count >= CHARACTERS}
 
 
 def leave_out_borders(outline: SheetOutline, borders: set[str], width: int, height: int) -> SheetOutline:
     """The outline, with those sides unseen that lie on one of `borders`: print shows that the sheet extends beyond."""
-    p = PhotoBorderParameters()
     corners, sides = outline.corners.copy(), list(outline.sides)
     for k, side in enumerate(outline.sides):
         if not len(side.points):
             continue
         gaps = np.median(border_gaps(side.points, width, height), axis=0)
         hugged = {
-            border for border, gap in zip(BORDERS, gaps, strict=True) if gap < p.hugging * max(width, height)
+            border for border, gap in zip(BORDERS, gaps, strict=True) if gap < HUGGING * max(width, height)
         }
         if hugged & borders:
             corners[[k, (k + 1) % 4]] = np.nan

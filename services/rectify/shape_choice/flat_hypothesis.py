@@ -6,8 +6,6 @@ only by evidence beyond that evidence's own noise: sides of a sheet in view, lin
 bend.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from services.contract.rectify import RectifyParameters
@@ -18,9 +16,12 @@ from services.imaging.channels import luminance
 from services.imaging.ground import Ground, find_ground
 from services.imaging.illumination import divide_by_light, reduced_light
 from services.imaging.reduction import Halves, reduce_image
+from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.analysis.photo_border import HUGGING
+from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
-from services.rectify.shape_choice.text_check import is_level_in_view
+from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
@@ -31,41 +32,23 @@ from services.sheet.tracing.level_rows import shows_print
 from services.sheet.tracing.page_lines import with_rules
 from services.texture_flow.text_identification import detect_ink
 
-
-@dataclass(frozen=True, slots=True)
-class FlatParameters:
-    """What beats the hypothesis. Perspective and bends are RMS displacements of the print as shares of the width."""
-
-    perspective: float = 0.0025
-    """On 25 pages that an app has cropped it moves the print by up to 0.0022, on 9 scans by 0.0002; on photos that are
-    visibly not flat by 0.003 and more."""
-    bend: float = 0.0021
-    """On the same pages, and an old book on a scanner, up to 0.0017; on visibly bent ones 0.0025 and more."""
-    deviations: float = 4.0
-    """Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
-    clear_flow: float = 3.0
-    """If the directions of the text alone show so many times that, no line is traced."""
-    few_lines: int = 3
-    """Fewer lines do not show whether the photo is flat; then its ground must, and level print on it."""
-    clear_lines: int = 10
-    """So many on one ground are print without a closer look."""
-    visible_turn_rad: float = float(np.deg2rad(0.5))
-    """A page that is turned by less keeps its own pixels."""
-    most_turn_rad: float = float(np.deg2rad(15.0))
-    """Of a page that fills its picture; print that is turned by more is slanted on its page."""
-    sheet_confidence: float = 0.9
-    """Confidence of an outline from which on its sides are a sheet's in view, ..."""
-    whole_confidence: float = 0.7
-    """... or this one, where all of its sides were seen nearly from end to end, ..."""
-    whole_side: float = 0.9
-    """... by this share: gently bent sheets on a desk have 0.79 to 0.86 and all of them. Of 54 scans and cropped pages
-    52 have no outline, and those of two lie along the photo's frame ..."""
-    hugging: float = 0.05
-    """... unless they all lie within this share of the photo's long side from its frame ..."""
-    along_axis: float = 0.007
-    """... or, on a page of a PDF, along its axes (slope): such sides are those of a picture."""
-    analysed_px: int = 1600
-    """Long side of the copy in which print is sought."""
+# What beats the hypothesis. Perspective and bends are RMS displacements of the print as shares of the width.
+VISIBLE = 0.0023
+"""On 25 pages that an app has cropped, and an old book on a scanner, perspective moves the print by up to 0.0022, a
+bend by up to 0.0017; on photos that are visibly not flat one of them does by 0.0025 and more."""
+DEVIATIONS = 4.0
+"""Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
+CLEAR_FLOW = 3.0
+"""If the directions of the text alone show so many times that, no line is traced."""
+VISIBLE_TURN_RAD = float(np.deg2rad(0.5))
+"""A page that is turned by less keeps its own pixels."""
+MOST_TURN_RAD = float(np.deg2rad(15.0))
+"""Of a page that fills its picture; print that is turned by more is slanted on its page."""
+WHOLE_CONFIDENCE = 0.7
+"""... or this one, where all of its sides were seen nearly from end to end, ..."""
+WHOLE_SIDE = 0.9
+"""... by this share: gently bent sheets on a desk have 0.79 to 0.86 and all of them. Of 54 scans and cropped pages
+52 have no outline, and those of two lie along the photo's frame."""
 
 
 def may_be_flat(parameters: RectifyParameters) -> bool:
@@ -86,18 +69,17 @@ def flat_page(
 
     `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length.
     """
-    p = FlatParameters()
     if analysis.facing_page or sheet_in_view(outline, view, is_document=is_document):
         return None
     evidence = analysis.evidence(view)
     plane = level_plane(evidence.major, prior)
     skew = float(np.arctan2(plane.rotation[1, 0], plane.rotation[0, 0]))
     upright = _from_axis(skew)
-    if abs(upright) > p.most_turn_rad:
+    if abs(upright) > MOST_TURN_RAD:
         # Print that is aslant on an upright page, or an upright photo of a page that lies aslant?
         return blank_flat_page(photo, outline, view, prior, is_document=is_document)
     flow = perspective_by_flow(evidence.major, evidence.characters, view, skew)
-    if flow is not None and _is_sure(flow, p.clear_flow * p.perspective, p):
+    if flow is not None and _is_sure(flow, CLEAR_FLOW * VISIBLE):
         return None
     lines = flatten_text(evidence.text, view, plane).lines
     # Rules and staff lines bend where few lines of text show it.
@@ -105,13 +87,13 @@ def flat_page(
     departure = measure_departure(
         print_lines, evidence.strokes, evidence.characters, view, skew, analysis.text_height_px
     )
-    if is_beaten(departure, p):
+    if is_beaten(departure):
         return None
     ground, count = find_ground(photo), lines.count // 2
-    shape = _flat_photo(ground, departure.skew_rad, count, view, prior, p, is_document=is_document)
-    if not is_document and not _is_print(photo, evidence, shape, ground, p):
+    shape = _flat_photo(ground, departure.skew_rad, count, view, prior, is_document=is_document)
+    if not is_document and not _is_print(photo, evidence, shape, ground):
         return None
-    hugging = outline if outline is not None and _hugs_frame(outline, view, p) else None
+    hugging = outline if outline is not None and _hugs_frame(outline, view) else None
     return ShapedPage(
         view,
         shape,
@@ -120,7 +102,7 @@ def flat_page(
         analysis,
         evidence.vanishing_points,
         ground=_paper(ground, shape),
-        departure=sure_departure(departure, p),
+        departure=sure_departure(departure),
     )
 
 
@@ -136,75 +118,58 @@ def blank_flat_page(
 
     A page of a PDF is one without any text; another picture must have level print on one ground.
     """
-    p = FlatParameters()
     if not is_document and sheet_in_view(outline, view, is_document=is_document):
         return None
     ground = find_ground(photo)
     if not is_document and (ground is None or not photo_shows_print(photo)):
         return None
-    shape = _flat_photo(ground, 0.0, 0, view, prior, p, is_document=is_document)
+    shape = _flat_photo(ground, 0.0, 0, view, prior, is_document=is_document)
     return ShapedPage(view, shape, (), ground=_paper(ground, shape))
 
 
-def sheet_in_view(
-    outline: SheetOutline | None,
-    view: PhotoFrame,
-    *,
-    is_document: bool,
-    parameters: FlatParameters | None = None,
-) -> bool:
+def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, is_document: bool) -> bool:
     """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame."""
-    p = parameters or FlatParameters()
     if outline is None:
         return False
-    is_whole = min(side.seen for side in outline.sides) >= p.whole_side
-    least = p.whole_confidence if is_whole else p.sheet_confidence
-    if outline.confidence < least or _hugs_frame(outline, view, p):
+    is_whole = min(side.seen for side in outline.sides) >= WHOLE_SIDE
+    least = WHOLE_CONFIDENCE if is_whole else SHEET_CONFIDENCE
+    if outline.confidence < least or _hugs_frame(outline, view):
         return False
     if not is_document:
         return True
+    # Sides along the axes of a page of a PDF are those of a picture on it.
     ways = np.roll(outline.corners, -1, axis=0) - outline.corners
     slopes = np.abs(ways).min(axis=1) / np.maximum(np.abs(ways).max(axis=1), 1e-9)
-    return not bool((slopes < p.along_axis).all())
+    return not bool((slopes < VISIBLE_TURN_RAD).all())
 
 
-def is_beaten(departure: Departure, p: FlatParameters | None = None) -> bool:
+def is_beaten(departure: Departure) -> bool:
     """Whether the print departs from a flat photo's by more than its noise, and visibly."""
-    p = p or FlatParameters()
     aslant, bent = (departure.by_lines, departure.by_strokes), departure.by_bend
-    if any(_is_sure(found, p.perspective, p) for found in aslant if found is not None):
+    if any(_is_sure(found, VISIBLE) for found in aslant if found is not None):
         return True
-    return bent is not None and _is_sure(bent, p.bend, p)
+    return bent is not None and _is_sure(bent, VISIBLE)
 
 
-def sure_departure(departure: Departure, p: FlatParameters | None = None) -> float:
+def sure_departure(departure: Departure) -> float:
     """RMS displacement of the print, as a share of the width, that is beyond the noise of what shows it."""
-    p = p or FlatParameters()
     found = [
         part for part in (departure.by_lines, departure.by_strokes, departure.by_bend) if part is not None
     ]
-    return float(
-        np.sqrt(sum(max(part.value**2 - (p.deviations * part.deviation) ** 2, 0.0) for part in found))
-    )
+    return float(np.sqrt(sum(max(part.value**2 - (DEVIATIONS * part.deviation) ** 2, 0.0) for part in found)))
 
 
-def _is_print(
-    photo: Halves,
-    evidence: PageEvidence,
-    shape: PhotoAsPage,
-    ground: Ground | None,
-    p: FlatParameters,
-) -> bool:
+def _is_print(photo: Halves, evidence: PageEvidence, shape: PhotoAsPage, ground: Ground | None) -> bool:
     """Whether there is print: lines of text or level rows of any print on one ground, or rows of text on any."""
     if ground is None:
-        return shape.line_count >= p.few_lines and is_level_in_view(evidence, shape)
-    return shape.line_count >= p.clear_lines or photo_shows_print(photo)
+        return is_level_in_view(evidence, shape)
+    return shape.line_count >= FEW_LINES or photo_shows_print(photo)
 
 
 def photo_shows_print(photo: Halves) -> bool:
     """Whether level rows of print, dark or light, are seen along one of the photo's axes."""
     gray = luminance(photo.image)
-    small = reduce_image(gray, min(1.0, FlatParameters().analysed_px / max(gray.shape)))
+    small = reduce_image(gray, min(1.0, AnalysisParameters().long_side_px / max(gray.shape)))
     for seen in (small, np.asarray(255 - small, np.uint8)):
         ink = detect_ink(divide_by_light(seen, reduced_light(seen)))
         if shows_print(ink) or shows_print(np.ascontiguousarray(ink.T)):
@@ -212,16 +177,16 @@ def photo_shows_print(photo: Halves) -> bool:
     return False
 
 
-def _is_sure(found: Measured, least: float, p: FlatParameters) -> bool:
+def _is_sure(found: Measured, least: float) -> bool:
     """Whether what was found is visible, above `least`, and beyond its noise."""
-    return abs(found.value) > max(least, p.deviations * found.deviation)
+    return abs(found.value) > max(least, DEVIATIONS * found.deviation)
 
 
-def _hugs_frame(outline: SheetOutline, view: PhotoFrame, p: FlatParameters) -> bool:
+def _hugs_frame(outline: SheetOutline, view: PhotoFrame) -> bool:
     """Whether each side of the outline lies near the photo's frame."""
     size = np.array([view.width - 1, view.height - 1], np.float64)
     gaps = np.minimum(outline.polygon, size - outline.polygon).min(axis=1)
-    return bool(np.percentile(gaps, 95) < p.hugging * max(view.width, view.height))
+    return bool(np.percentile(gaps, 95) < HUGGING * max(view.width, view.height))
 
 
 def _from_axis(angle_rad: float) -> float:
@@ -235,13 +200,12 @@ def _flat_photo(
     lines: int,
     view: PhotoFrame,
     prior: FocalPrior,
-    p: FlatParameters,
     *,
     is_document: bool,
 ) -> PhotoAsPage:
     """The photo turned by `skew_rad`, or by the nearest quarter turn where the difference is not visible."""
     off = _from_axis(skew_rad)
-    turn = skew_rad if abs(off) > p.visible_turn_rad else skew_rad - off
+    turn = skew_rad if abs(off) > VISIBLE_TURN_RAD else skew_rad - off
     box = None if ground is None else ground.box
     if is_document:
         box = (0, 0, view.width - 1, view.height - 1)

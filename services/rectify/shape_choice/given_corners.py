@@ -18,7 +18,7 @@ from services.sheet.outline.given_corners import with_straight_sides
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.plane.pose import PoseParameters, aspect_uncertain
+from services.sheet.plane.pose import ASPECT_DEVIATION, aspect_uncertain
 from services.sheet.ridged_page import estimate_ridged_page, sides_bend
 from services.sheet.shape import NoShape
 
@@ -84,7 +84,7 @@ def frontal_page(prior: FocalPrior) -> PlanarPage:
     return PlanarPage(
         plane,
         prior.source,
-        (aspect_uncertain(max(UNKNOWN_ASPECT, PoseParameters().aspect_deviation), by_format=False),),
+        (aspect_uncertain(max(UNKNOWN_ASPECT, ASPECT_DEVIATION), by_format=False),),
         sources=("outline",),
         sides_believed=True,
         log_aspect_deviation=UNKNOWN_ASPECT,

@@ -16,7 +16,7 @@ from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import CERTAIN_CONFIDENCE, SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.plane.pose import EDGES_BELIEVED, PoseParameters, choose_pose
+from services.sheet.plane.pose import ASLANT_RAD, EDGES_BELIEVED, choose_pose
 from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
 from services.sheet.shape import NoShape
 from services.sheet.sheet_edges import measure_sides, read_edges
@@ -73,8 +73,8 @@ class Hypotheses:
     @cached_property
     def plane(self) -> PlanarPage:
         """The plane that fits best. Against the sides of a rigid sheet text needs many lines."""
-        found = choose_pose(self.evidence, self.prior, self.seems, sheet=self.sheet)
-        against = "outline" not in found.sources or abs(found.skew_rad) > PoseParameters().aslant_rad
+        found = choose_pose(self.evidence, self.prior, sheet=self.sheet)
+        against = "outline" not in found.sources or abs(found.skew_rad) > ASLANT_RAD
         if not self.rigid or not against or found.line_count >= FEW_LINES:
             return found
         assert self.sheet is not None

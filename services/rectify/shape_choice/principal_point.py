@@ -39,6 +39,7 @@ from services.sheet.plane.pose import (
     refine_pose,
 )
 from services.sheet.plane.refinement import refine_plane
+from services.sheet.plane.straight_lines import HELD, OFF_CENTRE
 from services.sheet.shape import EXIF_CONTRADICTED, PageShape
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
@@ -46,43 +47,27 @@ from services.texture_flow.vanishing_points import estimate_vanishing_points
 Offset = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class PrincipalPointParameters:
-    """Costs are negative log likelihoods, as those of the fits (half the sum of squared residuals)."""
-
-    offset: float = 0.2
-    """Deviation of an offset in half diagonals; a quarter cut from one side moves the middle by 0.17."""
-    held: float = 1e-4
-    smallest: float = 0.06
-    largest: float = 0.4
-    """Range of accepted offsets: a smaller one does no harm, and more than half of a photo is not cut away."""
-    line_scale: float = 1.0
-    """A bent sheet must leave its text lines as straight as they were traced: creased ones use every
-    free parameter to explain their lines."""
-    starts: tuple[float, ...] = (-0.15, 0.15)
-    """Of a plane, whose equation has two roots."""
-    tension: float = 1.8
-    """A plane whose focal length is fewer deviations from what is known of it shows no cropping."""
-    score: float = 2.5
-    """A bent sheet is fitted again if a free principal point is expected to lower its cost by this."""
-    one_axis: float = 2.5
-    both_axes: float = 8.5
-    """Most photos are not cropped, and few of those that are lose a corner."""
-    other_focal: float = 4.0
-    """Cost of another focal length than EXIF's: such photos were zoomed, or cut equally on all sides."""
-    uncut_print: float = 1.5
-    """Where a photo was cut, print often runs up to its border."""
-    gain_share: float = 0.08
-    gain_share_odd: float = 0.03
-    """Least gain of a bent sheet, as a share of its cost: sheets and lenses differ a little from the model. Less is
-    required if no camera has the aspect ratio of the photo."""
-    aspects: tuple[tuple[float, float], ...] = ((4 / 3, 0.0), (16 / 9, 1.6), (3 / 2, 2.8))
-    """Of the photos that cameras take, with their costs: phones take 4:3 and some 16:9, larger cameras 3:2."""
-    aspect_deviation: float = 0.04
-    other_aspect: float = 4.0
-    usual_aspect: float = 1.45
-    other_aspect_deviation: float = 0.2
-    """Of the logarithm; other aspects are rare, and long ones rarer still."""
+# Costs are negative log likelihoods, as those of the fits (half the sum of squared residuals).
+SMALLEST = 0.06
+LARGEST = 0.4
+"""Range of accepted offsets: a smaller one does no harm, and more than half of a photo is not cut away."""
+TENSION = 1.8
+"""A plane whose focal length is fewer deviations from what is known of it shows no cropping."""
+ONE_AXIS = 2.5
+BOTH_AXES = 8.5
+"""Most photos are not cropped, and few of those that are lose a corner."""
+UNCUT_PRINT = 1.5
+"""Where a photo was cut, print often runs up to its border."""
+GAIN_SHARE = 0.08
+GAIN_SHARE_ODD = 0.03
+"""Least gain of a bent sheet, as a share of its cost: sheets and lenses differ a little from the model. Less is
+required if no camera has the aspect ratio of the photo."""
+ASPECTS = ((4 / 3, 0.0), (16 / 9, 1.6), (3 / 2, 2.8))
+"""Of the photos that cameras take, with their costs: phones take 4:3 and some 16:9, larger cameras 3:2."""
+ASPECT_DEVIATION = 0.04
+UNUSUAL = 4.0
+"""Cost of a focal length other than EXIF's (such photos were zoomed, or cut equally on all sides), and of an aspect
+ratio that cameras do not have."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +127,6 @@ def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: PageS
         a bent sheet is explained by both. If the middle explains the page except for the focal length of EXIF, the
         evidence is returned without that.
     """
-    p = PrincipalPointParameters()
     doubted = moved_by_sides = evidence.view.principal_point_px is not None
     if doubted:
         # The sides of the sheet have moved it to the nearest place that explains them; the text shows more.
@@ -151,11 +135,11 @@ def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: PageS
     if prior.source == "assumed":
         return None
     if isinstance(shape, CurvedPage) and not doubted:
-        fitting = _sheet_fitting(evidence, prior, shape, p)
+        fitting = _sheet_fitting(evidence, prior, shape)
     elif isinstance(shape, PlanarPage):
-        doubted = doubted or is_odd(evidence.view, p)
-        fitting = _plane_fitting(evidence, prior, p) if doubted or shape.focal_tension > p.tension else None
-    found = None if fitting is None else _choose(fitting, evidence, prior, p)
+        doubted = doubted or is_odd(evidence.view)
+        fitting = _plane_fitting(evidence, prior) if doubted or shape.focal_tension > TENSION else None
+    found = None if fitting is None else _choose(fitting, evidence, prior)
     if found is None:
         return None
     if found.other_focal:
@@ -166,24 +150,22 @@ def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: PageS
     )
 
 
-def _choose(
-    fitting: _Fitting, e: PageEvidence, prior: FocalPrior, p: PrincipalPointParameters
-) -> _Fit | None:
+def _choose(fitting: _Fitting, e: PageEvidence, prior: FocalPrior) -> _Fit | None:
     """The hypothesis that costs least, None when that is the photo's middle."""
     view = e.view
     half = (0.5 * view.width / view.unit_px, 0.5 * view.height / view.unit_px) if prior.of_diagonal else None
-    free, held = p.offset, p.held
+    free, held = OFF_CENTRE, HELD
     cut = find_cut_borders(e.text.characters, e.text.height_px, view.width, view.height)
-    hypotheses = [((free, held), (start, 0.0), p.one_axis) for start in fitting.along_x]
-    hypotheses += [((held, free), (0.0, start), p.one_axis) for start in fitting.along_y]
+    hypotheses = [((free, held), (start, 0.0), ONE_AXIS) for start in fitting.along_x]
+    hypotheses += [((held, free), (0.0, start), ONE_AXIS) for start in fitting.along_y]
     if fitting.both:
-        hypotheses.append(((free, free), (0.0, 0.0), p.both_axes))
+        hypotheses.append(((free, free), (0.0, 0.0), BOTH_AXES))
     centre = fitting.fit(None)
     bound = centre.cost * (1 - fitting.share)
-    best, least = None, centre.cost + aspect_cost(view, (0.0, 0.0), p)
+    best, least = None, centre.cost + aspect_cost(view, (0.0, 0.0))
     if prior.source == "exif" and fitting.other_focal is not None:
         free_cost = fitting.other_focal()
-        unlikely = free_cost + p.other_focal + aspect_cost(view, (0.0, 0.0), p)
+        unlikely = free_cost + UNUSUAL + aspect_cost(view, (0.0, 0.0))
         if unlikely < least:
             best, least = _Fit((0.0, 0.0), free_cost, other_focal=True), unlikely
     tried: set[tuple[float, float]] = set()
@@ -193,14 +175,14 @@ def _choose(
         if place in tried:  # two starts reached the same place
             continue
         tried.add(place)
-        fits = [(free_fit, aspect_cost(view, free_fit.offset, p))]
+        fits = [(free_fit, aspect_cost(view, free_fit.offset))]
         if held in deviations:
-            for usual in usual_originals(view, free_fit.offset, p):
+            for usual in usual_originals(view, free_fit.offset):
                 near = PrincipalPointPrior(usual.deviations, usual.mean, half, usual.mean)
                 fits.append((fitting.fit(near), usual.cost))
         for fit, unusual in fits:
-            cost = fit.cost + unusual + rarity + (0.0 if cut_border(fit.offset) in cut else p.uncut_print)
-            believable = p.smallest < max(map(abs, fit.offset)) < p.largest
+            cost = fit.cost + unusual + rarity + (0.0 if cut_border(fit.offset) in cut else UNCUT_PRINT)
+            believable = SMALLEST < max(map(abs, fit.offset)) < LARGEST
             if believable and fit.cost < bound and cost < least:
                 best, least = fit, cost
     return best
@@ -226,18 +208,18 @@ class UsualOriginal:
     cost: float
 
 
-def usual_originals(view: PhotoFrame, offset: Offset, p: PrincipalPointParameters) -> list[UsualOriginal]:
+def usual_originals(view: PhotoFrame, offset: Offset) -> list[UsualOriginal]:
     """The usual originals that are larger along the axis of an `offset`, cut on the same side."""
     axis = 0 if abs(offset[0]) > abs(offset[1]) else 1
     size, other = (view.width, view.height)[:: 1 if axis == 0 else -1]
     found: list[UsualOriginal] = []
-    for ratio, cost in p.aspects:
+    for ratio, cost in ASPECTS:
         for whole in (ratio * other, other / ratio):
             moved = 0.5 * (whole - size) / view.unit_px
-            if p.smallest < moved < p.largest:
-                mean, deviations = [0.0, 0.0], [p.held, p.held]
+            if SMALLEST < moved < LARGEST:
+                mean, deviations = [0.0, 0.0], [HELD, HELD]
                 mean[axis] = float(np.copysign(moved, offset[axis]))
-                deviations[axis] = 0.5 * p.aspect_deviation * whole / view.unit_px
+                deviations[axis] = 0.5 * ASPECT_DEVIATION * whole / view.unit_px
                 found.append(UsualOriginal((mean[0], mean[1]), (deviations[0], deviations[1]), cost))
     return found
 
@@ -250,28 +232,26 @@ def prior_at(prior: FocalPrior, view: PhotoFrame, offset: Offset) -> FocalPrior:
     return replace(prior, log_focal=prior.log_focal + float(np.log(growth)))
 
 
-def aspect_cost(view: PhotoFrame, offset: Offset, p: PrincipalPointParameters) -> float:
+def aspect_cost(view: PhotoFrame, offset: Offset) -> float:
     """Cost of the aspect ratio that the photo would have had before it was cropped."""
     long, short = sorted(original_size(view, offset), reverse=True)
     aspect = float(np.log(long / short))
     usual = min(
-        0.5 * ((aspect - float(np.log(ratio))) / p.aspect_deviation) ** 2 + cost for ratio, cost in p.aspects
+        0.5 * ((aspect - float(np.log(ratio))) / ASPECT_DEVIATION) ** 2 + cost for ratio, cost in ASPECTS
     )
-    off = (aspect - float(np.log(p.usual_aspect))) / p.other_aspect_deviation
-    return min(usual, p.other_aspect + 0.5 * off**2)
+    return min(usual, UNUSUAL)
 
 
-def is_odd(view: PhotoFrame, p: PrincipalPointParameters) -> bool:
+def is_odd(view: PhotoFrame) -> bool:
     """Whether no camera has the aspect ratio of the photo, so that it was probably cropped."""
-    return aspect_cost(view, (0.0, 0.0), p) > p.one_axis
+    return aspect_cost(view, (0.0, 0.0)) > ONE_AXIS
 
 
-def _sheet_fitting(
-    e: PageEvidence, prior: FocalPrior, page: CurvedPage, p: PrincipalPointParameters
-) -> _Fitting | None:
+def _sheet_fitting(e: PageEvidence, prior: FocalPrior, page: CurvedPage) -> _Fitting | None:
     """Fits of the bent sheet from the present one; None if a free principal point would gain too little."""
     fitted = page.fitted
-    if fitted.line_scale > p.line_scale:
+    # Lines that are less straight than they were traced: creased sheets use every free parameter to explain them.
+    if fitted.line_scale > 1.0:
         return None
     parameters = rescale_deviations(FittingParameters(cauchy_flows=True), fitted)
     middle = PageObservations(
@@ -283,19 +263,19 @@ def _sheet_fitting(
         prior.deviation,
         page.edges,
     )
-    anywhere = replace(middle, principal_point=PrincipalPointPrior((p.offset, p.offset)))
-    odd = is_odd(e.view, p)
-    if not odd and max(free_gain(fitted.start, anywhere, parameters)) < p.score:
+    anywhere = replace(middle, principal_point=PrincipalPointPrior((OFF_CENTRE, OFF_CENTRE)))
+    odd = is_odd(e.view)
+    if not odd and max(free_gain(fitted.start, anywhere, parameters)) < ONE_AXIS:
         return None
 
     def fit(principal_point: PrincipalPointPrior | None) -> _Fit:
         found = fit_surface(fitted.start, replace(middle, principal_point=principal_point), parameters)
         return _Fit(found.principal_point, found.cost, found.start)
 
-    return _Fitting(fit, both=True, share=p.gain_share_odd if odd else p.gain_share)
+    return _Fitting(fit, both=True, share=GAIN_SHARE_ODD if odd else GAIN_SHARE)
 
 
-def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParameters) -> _Fitting:
+def _plane_fitting(e: PageEvidence, prior: FocalPrior) -> _Fitting:
     """Fits of the plane to flows and text lines, as these are traced where the focal length is free."""
     pose, typical = PoseParameters(), typical_focal_prior()
     start = estimate_plane(e.vanishing_points, typical)
@@ -317,7 +297,7 @@ def _plane_fitting(e: PageEvidence, prior: FocalPrior, p: PrincipalPointParamete
         flows = (e.major, e.minor, e.vanishing_points)
         return refine_plane(traced.plane, typical, *flows, lines, parameters).cost
 
-    return _Fitting(fit, p.starts, p.starts, other_focal=other_focal)
+    return _Fitting(fit, (-OFF_CENTRE, OFF_CENTRE), (-OFF_CENTRE, OFF_CENTRE), other_focal=other_focal)
 
 
 def _seen_from_middle(e: PageEvidence) -> PageEvidence:

@@ -4,15 +4,14 @@ The whole work fits the sheet to all directions and to the traced text lines, fr
 few directions must do; where it does not explain clearly more than a plane, it is not used.
 """
 
-from dataclasses import dataclass, replace
-
-import numpy as np
-
-from services.geometry.focal_prior import FocalPrior
+from services.geometry.focal_prior import FOCAL, FocalPrior
 from services.geometry.page_map import PageMap
+from services.rectify.shape_choice.choice import CURVED_GAIN
 from services.sheet.curved_page import (
+    GOOD_SHARE,
+    START_SKEWS_RAD,
+    STRIPS,
     CurvedPage,
-    CurvedParameters,
     describe_strips,
     flow_deviation,
     implausibility,
@@ -25,22 +24,14 @@ from services.sheet.developable.observations import NO_LINES, PageObservations
 from services.sheet.developable.residuals import FittingParameters
 from services.sheet.evidence import PageEvidence
 
-
-@dataclass(frozen=True, slots=True)
-class QuickBendParameters:
-    """Size of the fit, and when it is believed."""
-
-    bends: int = 8
-    samples: int = 120
-    """Of each flow."""
-    evaluations: int = 20
-    """At most; with 6 bends and 10 evaluations the mesh is a fifth farther off."""
-    least_gain: float = 1e-2
-    """The fit ends when a step lowers the cost by a smaller share: a third of the time, and the mesh is as near."""
-    skews_rad: tuple[float, ...] = (0.0, np.pi / 2)
-    """Rulings across the text lines, then along them, if the first are not clearly right."""
-    gain: float = 0.7
-    """The bent sheet must bring the deviation of the flows below this share of the plane's."""
+# Size of the fit, and when it is believed.
+BENDS = 8
+SAMPLES = 120
+"""Of each flow."""
+EVALUATIONS = 20
+"""At most; with 6 bends and 10 evaluations the mesh is a fifth farther off."""
+LEAST_GAIN = 1e-2
+"""The fit ends when a step lowers the cost by a smaller share: a third of the time, and the mesh is as near."""
 
 
 def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> CurvedPage | None:
@@ -48,24 +39,23 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
 
     The focal length stays that of the `prior`: few directions of a bent page do not show it.
     """
-    p, e = QuickBendParameters(), evidence
-    usual = replace(CurvedParameters(), bends=p.bends)
-    held = min(prior.deviation, usual.start_focal_deviation)
+    e = evidence
+    held = min(prior.deviation, FOCAL.held_deviation)
     observed = PageObservations(
-        thin(e.major, p.samples),
-        thin(e.minor, p.samples),
+        thin(e.major, SAMPLES),
+        thin(e.minor, SAMPLES),
         NO_LINES,
         page_hull(e.characters),
         prior.log_focal,
         held,
     )
-    fitting = FittingParameters(cauchy_flows=True, max_evaluations=p.evaluations, least_gain=p.least_gain)
-    enough = usual.good_share * (len(observed.major) + len(observed.minor))
+    fitting = FittingParameters(cauchy_flows=True, max_evaluations=EVALUATIONS, least_gain=LEAST_GAIN)
+    enough = GOOD_SHARE * (len(observed.major) + len(observed.minor))
     likely: list[FittedSurface] = []
-    for skew in p.skews_rad:
-        start = start_surface(e.vanishing_points, prior, e.characters, skew, usual)
+    for skew in START_SKEWS_RAD:
+        start = start_surface(e.vanishing_points, prior, e.characters, skew, BENDS)
         fit = fit_surface(start, observed, fitting)
-        if implausibility(fit.surface, e.characters, usual) is None:
+        if implausibility(fit.surface, e.characters) is None:
             likely.append(fit)
             if fit.cost < enough:
                 break
@@ -73,11 +63,11 @@ def bend_quickly(evidence: PageEvidence, prior: FocalPrior, plane: PageMap) -> C
         return None
     best = min(likely, key=lambda fit: fit.cost)
     deviation = flow_deviation(best.surface, e.major, e.minor)
-    if deviation > p.gain * flow_deviation(plane, e.major, e.minor):
+    if deviation > CURVED_GAIN * flow_deviation(plane, e.major, e.minor):
         return None
     return CurvedPage(
         best.surface,
-        describe_strips(best.surface, e.view, e.characters, usual.strips),
+        describe_strips(best.surface, e.view, e.characters, STRIPS),
         prior.source,
         0,
         deviation,

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from services.arrays import Mask, Points
+from services.contract.rectify import Crop
+from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.imaging.ground import Ground
@@ -67,3 +69,11 @@ class ShapedPage:
         if self.outline is not None:
             return self.outline.polygon
         return np.zeros((0, 2)) if self.straight_print is None else self.straight_print
+
+    def frame(self, paper: Points | None, crop: Crop) -> Frame:
+        """The part of the flat page that is shown; `paper` (M, 2) is the sheet's end in the photo, where it is seen.
+
+        Without text the sheet is all that there is to show.
+        """
+        crop = "sheet" if self.analysis is None else crop
+        return self.shape.frame(self.view, self.extent, self.text_height_px, paper, crop)

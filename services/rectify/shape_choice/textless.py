@@ -22,7 +22,7 @@ from services.sheet.plane.outline_plane import (
     read_sides,
 )
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.plane.pose import PoseParameters, aspect_uncertain
+from services.sheet.plane.pose import ASPECT_DEVIATION, aspect_uncertain
 from services.sheet.plane.ruled_plane import plane_from_rules
 from services.sheet.ridged_page import estimate_ridged_page, sides_bend
 from services.sheet.shape import NoShape, ShapeSource
@@ -99,7 +99,7 @@ def planar_page(
     aspect = None if sheet is None else sheet.aspect_in(found.plane)
     uncertain = found.log_aspect_deviation if aspect is None else aspect.log_deviation
     notices: tuple[Notice, ...] = ()
-    if uncertain > PoseParameters().aspect_deviation:
+    if uncertain > ASPECT_DEVIATION:
         by_format = sheet is not None and sheet.focal_prior(prior) is not prior
         notices = (aspect_uncertain(uncertain, by_format=by_format),)
     return PlanarPage(

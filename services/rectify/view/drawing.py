@@ -15,7 +15,6 @@ from services.imaging.node_grid import (
     node_grid,
     take_values,
 )
-from services.imaging.paper import certain_sheet
 
 MAX_REDUCTION = 12.0
 """Most photo pixels per output pixel along one axis; a page needs fewer."""
@@ -49,12 +48,7 @@ def draw_gray_view(
     return view
 
 
-def draw_flat_view(
-    photo: RgbImage,
-    frame: Frame,
-    outline: Points | None = None,
-    paper: Points | None = None,
-) -> RgbImage:
+def draw_flat_view(photo: RgbImage, frame: Frame, paper: Points | None = None) -> RgbImage:
     """Draw the flat view from the photo by one remap at full resolution.
 
     Parameters
@@ -63,11 +57,8 @@ def draw_flat_view(
         (H, W, 3) RGB.
     frame
         Backward map from pixels of the view to photo pixels.
-    outline
-        (N, 2) photo pixels: the outline of a sheet that is wholly in the photo. Outside of it the view is white, as
-        on a scanner.
     paper
-        (M, 2) photo pixels: a polygon outside of which the view is white too, of a bent page as of a flat one.
+        (M, 2) photo pixels: the sheet's end. Outside of it the view is white, as on a scanner.
 
     Returns
     -------
@@ -86,15 +77,10 @@ def draw_flat_view(
             ),
             np.uint8,
         )
-        sheet = None if outline is None else certain_sheet(outline)
-        corners = None if sheet is None else transform_points(np.linalg.inv(frame.H_photo_flat), sheet)
     else:
         flat = np.full((frame.height, frame.width, 3), 255, np.uint8)
         nodes = photo_nodes(frame)
         _remap(photo, nodes, 1.0, cv2.INTER_CUBIC, flat)
-        corners = None if outline is None else _certain_flat_sheet(frame, outline)
-    if corners is not None:
-        _whiten_outside(flat, corners)
     if paper is not None:
         whiten_beyond(flat, frame, paper, nodes)
     return flat
@@ -190,15 +176,6 @@ def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
                 tile[:] = 255
             elif near.min() < 0:
                 tile[between_nodes(near, tile.shape[1], tile.shape[0]) < 0] = 255
-
-
-def _certain_flat_sheet(frame: Frame, outline: Points) -> Points | None:
-    """The sheet's corners in the view; a bent sheet's outline is convex only when it is flat."""
-    flat = frame.to_flat(outline)
-    limit = 2.0 * max(frame.width, frame.height)
-    if not np.isfinite(flat).all() or np.abs(flat).max() > limit:
-        return None
-    return certain_sheet(flat)
 
 
 def _remap(

@@ -24,7 +24,7 @@ from services.rectify.view.correction import (
     without_means,
 )
 from services.sheet.developable.observations import LineObservations
-from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, LEAST_POINTS, SheetOutline, SheetSide
 from services.sheet.shape import PageShape
 from services.sheet.tracing.line_tracing import trace_by_characters
 from services.sheet.tracing.profile_tracing import trace_by_profiles
@@ -67,16 +67,10 @@ class FlatnessParameters:
     """Of a side's points from its line, ..."""
     shared_side: float = 12.0
     """... on as many independent ones."""
-    least_confidence: float = 0.7
-    """Of an outline whose sides count: a less certain one may be that of a stack of pages, or of a whole book."""
-    certain: float = 0.8
-    """Confidence of the outline below which its sides count half."""
     fewest_fitted: int = 3
     """Sides, of which one that contradicts the others is doubted."""
     telling_lines: int = 10
     """Lines of text at least that can contradict a side."""
-    min_seen: float = 0.3
-    fewest_points: int = 8
     most_points: int = 1000
     """Of the lines, ..."""
     most_samples: int = 300
@@ -142,12 +136,11 @@ def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
             demands.append(_upright_strokes(evidence.strokes, page.view, frame, field, p))
     bend: float | None = None
     angle: float | None = None
-    sides = _seen_sides(page.outline, frame, p)
+    sides = _seen_sides(page.outline, frame)
     if sides and page.outline is not None:
         bend = 100 / frame.width * max(side.bend_px for side in sides)
         angle = float(np.ptp([side.turn_rad for side in sides]))
-        doubt = 1.0 if page.outline.confidence >= p.certain else 2.0
-        doubts = doubt * _doubts(sides, page.shape, frame, p)
+        doubts = _doubts(sides, page.shape, frame, p)
         demands += [_straight_side(side, field, k * p.side, p) for side, k in zip(sides, doubts, strict=True)]
     if straightness is None and not sides:
         return None
@@ -312,10 +305,10 @@ class _Side:
     turn_rad: float
 
 
-def _seen_sides(outline: SheetOutline | None, frame: Frame, p: FlatnessParameters) -> list[_Side]:
-    if outline is None or outline.confidence < p.least_confidence:
+def _seen_sides(outline: SheetOutline | None, frame: Frame) -> list[_Side]:
+    if outline is None or outline.confidence < BELIEVED_CONFIDENCE:
         return []
-    sides = [_side_in_view(side, frame, p) for side in outline.sides if side.seen >= p.min_seen]
+    sides = [_side_in_view(side, frame) for side in outline.seen_sides]
     return [side for side in sides if side is not None]
 
 
@@ -333,10 +326,10 @@ def _doubts(sides: list[_Side], shape: PageShape, frame: Frame, p: FlatnessParam
     return np.asarray(np.maximum(bends / np.maximum(others, p.side), 1.0))
 
 
-def _side_in_view(side: SheetSide, frame: Frame, p: FlatnessParameters) -> _Side | None:
+def _side_in_view(side: SheetSide, frame: Frame) -> _Side | None:
     points = frame.to_flat(side.points)
     points = points[finite(points)]
-    if len(points) < p.fewest_points:
+    if len(points) < LEAST_POINTS:
         return None
     _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     axis = 0 if abs(axes[0, 1]) > abs(axes[0, 0]) else 1

@@ -9,22 +9,20 @@ import numpy as np
 
 from services.arrays import Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
-from services.geometry.page_frame import Frame
-from services.imaging.paper import certain_sheet
+from services.geometry.page_frame import Frame, restore_detail
 from services.notices import Notice
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
-from services.rectify.view.framing import cut_view, find_border, frame_shape
 from services.rectify.view.held_corners import end_at_corners, hold_corners
+from services.rectify.view.paper_end import find_paper_end
 from services.rectify.view.print_kept import (
     grow_to_print,
-    hides_print,
     kept_print,
     print_notices,
     share_kept,
     sheet_print,
 )
-from services.rectify.view.sheet_cut import paper_in_photo, restore_detail
+from services.rectify.view.sheet_cut import cut_view
 
 CLEARLY_FLATTER = 0.7
 """The next shape is taken where its error is below this share of the first one's."""
@@ -38,13 +36,12 @@ shape may not leave lines less straight than that, unless the first one does."""
 class JudgedView:
     """The view of `page` through `frame`, text lines level.
 
-    It is drawn white outside of the polygons `border` and `paper`, photo pixels, where they are not None. `print_kept`
-    (0-1) is None without text, `flatness` where nothing shows it.
+    It is drawn white outside of the polygon `paper` (M, 2), photo pixels, where that is not None. `print_kept` (0-1) is
+    None without text, `flatness` where nothing shows it.
     """
 
     page: ShapedPage
     frame: Frame
-    border: Points | None
     paper: Points | None
     flatness: Flatness | None
     print_kept: float | None
@@ -88,33 +85,23 @@ def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
 
 def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop) -> JudgedView:
     """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it."""
-    border, boxes = None if page.corners is not None else find_border(page, crop), sheet_print(page)
-    frame = frame_shape(page, border, crop)
+    boxes = sheet_print(page)
+    end = find_paper_end(page, crop, boxes)
+    frame = page.frame(end.reach, crop)
     pixels = photo.shape[0] * photo.shape[1]
     if page.corners is not None:
         frame = _between_corners(frame, page, page.corners, crop, pixels)
     else:
         if crop == "sheet":
-            frame = cut_view(photo, frame, page, border)
+            frame = cut_view(photo, frame, page, end)
         frame = grow_to_print(frame, boxes, page.text_height_px)
         frame = restore_detail(frame, pixels, page.characters, page.text_height_px)
-    white = None if border is None else certain_sheet(border)
-    if white is not None and hides_print(white, boxes):
-        border, white = None, None
-    # What lies between given corners is the person's page, to the last pixel.
-    paper = page.outline if crop == "sheet" and page.corners is None else None
-    beyond = None if paper is None else paper_in_photo(paper, page.characters)
-    if page.ground is not None and crop == "sheet":
-        beyond = page.ground.outline
-    if beyond is not None and hides_print(beyond, boxes):
-        beyond = None
-    kept = kept_print(frame, boxes, white, beyond)
+    kept = kept_print(frame, boxes, end.white)
     size = (photo.shape[1], photo.shape[0])
     return JudgedView(
         page,
         frame,
-        border,
-        beyond,
+        end.white,
         measure_flatness(page, frame),
         share_kept(boxes, kept),
         print_notices(boxes, kept, size, page.text_height_px),

@@ -16,6 +16,7 @@ from services.imaging.reduction import reduce_image
 from services.notices import Notice
 from services.ocr.engine import DirectionDetector, OcrEngine
 from services.ocr.text_lines import TextLine, TextLines, cut_line, detect_text_lines
+from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.results import Orientation
 from services.rectify.view.drawing import draw_gray_view
@@ -23,61 +24,55 @@ from services.rectify.view.drawing import draw_gray_view
 READING_LONG_SIDE_PX = 1600
 """Long side of the photo in which a few words are read, where its text was not found."""
 
-
-@dataclass(frozen=True, slots=True)
-class OrientationParameters:
-    """When more lines are read, and when an orientation is accepted.
-
-    Scores are length-weighted word confidences, 0-1: print reads at 0.8-0.96 the right way and at 0.1-0.5
-    in the wrong ones (measured on English and French pages with Tesseract).
-    """
-
-    first_lines: int = 1
-    clear_score: float = 0.75
-    clear_margin: float = 0.5
-    clear_letters: float = 20.0
-    """One line of so many letters that reads so well in one orientation, and so badly in the other, is enough: right
-    orientations have 0.8 and more on sharp print, wrong ones below 0.3."""
-    evident_score: float = 0.9
-    """A line of `clear_letters` that reads so well upright needs not be read upside down: of 516 lines of 81 pages six
-    of ten did, and upside down none of more than 19 letters reached 0.65."""
-    few_lines: int = 3
-    more_lines: int = 9
-    most_crops: int = 18
-    """Most crops that are tried for the wanted lines; crops of pictures or texture read as nothing."""
-    certain_score: float = 0.6
-    """Below it, or within `certain_margin` of the runner-up, more lines are read."""
-    certain_margin: float = 0.2
-    full_margin: float = 0.35
-    """A margin that leaves no doubt. Over nine lines, wrong ways won by up to 0.17 (Greek, read as English),
-    and never by 0.2; so confidence is the geometric mean of score and margin over this."""
-    least_confidence: float = 0.5
-    """Below it the orientation is unknown."""
-    certain_confidence: float = 0.7
-    """Below it mirrored ways are tried too; print that reads well needs no such comparison."""
-    clear_mass: float = 2.0
-    """From this text-line mass on, lines along the rows are read before any along the columns are sought: letters make
-    lines of up to 1.2 across their own, a page of text has 2 to 13."""
-    clear_axis: float = 0.4
-    """The other axis is tried from the start where its text-line mass is at least this share."""
-    certain_axis: float = 0.1
-    """The other axis is tried, when nothing reads, where its text-line mass is at least this share."""
-    informative_letters: float = 5.0
-    """A crop with fewer letters in every orientation is not a line."""
-    enough_letters: float = 15.0
-    """Fewer read letters weigh the confidence down in proportion."""
-    digit_weight: float = 0.4
-    """Digits are often digits upside down too."""
-    hopeless_score: float = 0.25
-    """If no orientation reads better, more lines are not worth the time."""
-    least_detection_confidence: float = 12.0
-    """Of Tesseract's script detection, wrong at up to 4 on print, and at up to 11.5 on mirrored print."""
-    east_asian_scripts: tuple[str, ...] = ("Han", "Hangul", "Japanese", "Korean")
-    least_sure_confidence: float = 6.0
-    """Of these scripts, for which other print is not taken, mirrored or not. Eight photos of a Chinese page were all
-    right, at 7.8 to 11.2. And of a direction that the lines' readings found as well."""
-    detection_long_side_px: int = 1600
-    crop_height_px: int = 36
+# When more lines are read, and when an orientation is accepted.
+#
+# Scores are length-weighted word confidences, 0-1: print reads at 0.8-0.96 the right way and at 0.1-0.5
+# in the wrong ones (measured on English and French pages with Tesseract).
+FIRST_LINES = 1
+CLEAR_SCORE = 0.75
+CLEAR_MARGIN = 0.5
+CLEAR_LETTERS = 20.0
+"""One line of so many letters that reads so well in one orientation, and so badly in the other, is enough: right
+orientations have 0.8 and more on sharp print, wrong ones below 0.3."""
+EVIDENT_SCORE = 0.9
+"""A line of `clear_letters` that reads so well upright needs not be read upside down: of 516 lines of 81 pages six
+of ten did, and upside down none of more than 19 letters reached 0.65."""
+FEW_LINES = 3
+MORE_LINES = 9
+MOST_CROPS = 18
+"""Most crops that are tried for the wanted lines; crops of pictures or texture read as nothing."""
+CERTAIN_SCORE = 0.6
+"""Below it, or within `certain_margin` of the runner-up, more lines are read."""
+CERTAIN_MARGIN = 0.2
+FULL_MARGIN = 0.35
+"""A margin that leaves no doubt. Over nine lines, wrong ways won by up to 0.17 (Greek, read as English),
+and never by 0.2; so confidence is the geometric mean of score and margin over this."""
+LEAST_CONFIDENCE = 0.5
+"""Below it the orientation is unknown."""
+CERTAIN_CONFIDENCE = 0.7
+"""Below it mirrored ways are tried too; print that reads well needs no such comparison."""
+CLEAR_MASS = 2.0
+"""From this text-line mass on, lines along the rows are read before any along the columns are sought: letters make
+lines of up to 1.2 across their own, a page of text has 2 to 13."""
+CLEAR_AXIS = 0.4
+"""The other axis is tried from the start where its text-line mass is at least this share."""
+CERTAIN_AXIS = 0.1
+"""The other axis is tried, when nothing reads, where its text-line mass is at least this share."""
+INFORMATIVE_LETTERS = 5.0
+"""A crop with fewer letters in every orientation is not a line."""
+ENOUGH_LETTERS = 15.0
+"""Fewer read letters weigh the confidence down in proportion."""
+DIGIT_WEIGHT = 0.4
+"""Digits are often digits upside down too."""
+HOPELESS_SCORE = 0.25
+"""If no orientation reads better, more lines are not worth the time."""
+LEAST_DETECTION_CONFIDENCE = 12.0
+"""Of Tesseract's script detection, wrong at up to 4 on print, and at up to 11.5 on mirrored print."""
+EAST_ASIAN_SCRIPTS = ("Han", "Hangul", "Japanese", "Korean")
+LEAST_SURE_CONFIDENCE = 6.0
+"""Of these scripts, for which other print is not taken, mirrored or not. Eight photos of a Chinese page were all
+right, at 7.8 to 11.2. And of a direction that the lines' readings found as well."""
+CROP_HEIGHT_PX = 36
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,56 +103,48 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
         Its confidence is at least 0.5 if one orientation can be read and the others cannot. Otherwise (blank pages,
         handwriting, a script that the engine does not know) it is lower, and nothing is turned.
     """
-    parameters = OrientationParameters()
     lines = detect_text_lines(flat)
-    rows = _LineReader(flat, lines.rows, 0, ocr, parameters)
-    if rows.mass >= parameters.clear_mass:
+    rows = _LineReader(flat, lines.rows, 0, ocr)
+    if rows.mass >= CLEAR_MASS:
         # A flat page has been turned until its lines run along the rows: mostly these can be read.
         letters, score = rows.read_first(_Way(0, False))
-        if letters >= parameters.clear_letters and score >= parameters.evident_score:
+        if letters >= CLEAR_LETTERS and score >= EVIDENT_SCORE:
             return Orientation(0, False, math.sqrt(score))
-        found = _decide([rows], (False,), parameters)
-        if (found.confidence or 0.0) >= parameters.certain_confidence:
+        found = _decide([rows], (False,))
+        if (found.confidence or 0.0) >= CERTAIN_CONFIDENCE:
             return found
-    axes = [rows, _LineReader(flat, lines.columns, 90, ocr, parameters)]
+    axes = [rows, _LineReader(flat, lines.columns, 90, ocr)]
     axes.sort(key=lambda axis: axis.mass, reverse=True)
     if axes[0].mass == 0.0:
         return Orientation(0, False, 0.0)
     ratio = axes[1].mass / axes[0].mass
-    plain = found = _decide(axes[: 1 if ratio < parameters.clear_axis else 2], (False,), parameters)
-    if (plain.confidence or 0.0) < parameters.certain_confidence:
-        found = _decide(axes[: 1 if ratio < parameters.certain_axis else 2], (False, True), parameters)
-    if (found.confidence or 0.0) < parameters.least_confidence and isinstance(ocr, DirectionDetector):
-        return _ask_engine(flat, ocr, found, plain, parameters)
+    plain = found = _decide(axes[: 1 if ratio < CLEAR_AXIS else 2], (False,))
+    if (plain.confidence or 0.0) < CERTAIN_CONFIDENCE:
+        found = _decide(axes[: 1 if ratio < CERTAIN_AXIS else 2], (False, True))
+    if (found.confidence or 0.0) < LEAST_CONFIDENCE and isinstance(ocr, DirectionDetector):
+        return _ask_engine(flat, ocr, found, plain)
     return found
 
 
 def _ask_engine(
-    flat: GrayImage,
-    ocr: DirectionDetector,
-    found: Orientation,
-    plain: Orientation,
-    parameters: OrientationParameters,
+    flat: GrayImage, ocr: DirectionDetector, found: Orientation, plain: Orientation
 ) -> Orientation:
     """Orientation by the page detection of the engine, which knows scripts whose words it cannot read.
 
     `plain` is what the lines' readings say if mirrored ways are left out: less confidence is enough for the same.
     """
-    factor = min(1.0, parameters.detection_long_side_px / max(flat.shape))
+    factor = min(1.0, READING_LONG_SIDE_PX / max(flat.shape))
     direction = ocr.detect_direction(flatten_illumination(reduce_image(flat, factor)))
     if direction is None:
         return found
-    sure = direction.script in parameters.east_asian_scripts or (
-        (plain.confidence or 0.0) >= parameters.least_confidence
-        and plain.rotation_deg == -direction.turned_deg % 360
+    sure = direction.script in EAST_ASIAN_SCRIPTS or (
+        (plain.confidence or 0.0) >= LEAST_CONFIDENCE and plain.rotation_deg == -direction.turned_deg % 360
     )
-    least = parameters.least_sure_confidence if sure else parameters.least_detection_confidence
+    least = LEAST_SURE_CONFIDENCE if sure else LEAST_DETECTION_CONFIDENCE
     if direction.confidence < least:
         return found
     surplus = direction.confidence / least - 1.0
-    return Orientation(
-        -direction.turned_deg % 360, False, min(0.9, parameters.least_confidence + 0.4 * surplus)
-    )
+    return Orientation(-direction.turned_deg % 360, False, min(0.9, LEAST_CONFIDENCE + 0.4 * surplus))
 
 
 def apply_orientation(image: NDArray[Any], orientation: Orientation) -> NDArray[Any]:
@@ -166,15 +153,13 @@ def apply_orientation(image: NDArray[Any], orientation: Orientation) -> NDArray[
     return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90) % 4))
 
 
-def _decide(
-    axes: list["_LineReader"], mirrorings: tuple[bool, ...], parameters: OrientationParameters
-) -> Orientation:
+def _decide(axes: list["_LineReader"], mirrorings: tuple[bool, ...]) -> Orientation:
     """Best way among the two turns of each axis in each of `mirrorings`."""
     best, confidence = _Way(0, False), 0.0
     stages = (
-        (parameters.first_lines, parameters.clear_score, parameters.clear_margin, parameters.clear_letters),
-        (parameters.few_lines, parameters.certain_score, parameters.certain_margin, 0.0),
-        (-(-parameters.more_lines // len(axes)), parameters.certain_score, parameters.certain_margin, 0.0),
+        (FIRST_LINES, CLEAR_SCORE, CLEAR_MARGIN, CLEAR_LETTERS),
+        (FEW_LINES, CERTAIN_SCORE, CERTAIN_MARGIN, 0.0),
+        (-(-MORE_LINES // len(axes)), CERTAIN_SCORE, CERTAIN_MARGIN, 0.0),
     )
     for lines, least_score, least_margin, least_letters in stages:
         scores: dict[_Way, float] = {}
@@ -187,37 +172,29 @@ def _decide(
         ranked = sorted(scores, key=lambda way: scores[way], reverse=True)
         best = ranked[0]
         margin = scores[best] - scores[ranked[1]]
-        evidence = scores[best] * min(1.0, margin / parameters.full_margin)
-        confidence = math.sqrt(evidence) * min(1.0, letters / parameters.enough_letters)
+        evidence = scores[best] * min(1.0, margin / FULL_MARGIN)
+        confidence = math.sqrt(evidence) * min(1.0, letters / ENOUGH_LETTERS)
         if scores[best] >= least_score and margin >= least_margin and letters >= least_letters:
             break
-        if True in mirrorings and scores[best] < parameters.hopeless_score:
+        if True in mirrorings and scores[best] < HOPELESS_SCORE:
             break
     # Mirrored photos are rare, and letters are read into the texture of pictures.
-    least = parameters.certain_confidence if best.mirrored else parameters.least_confidence
+    least = CERTAIN_CONFIDENCE if best.mirrored else LEAST_CONFIDENCE
     if confidence < least:
-        return Orientation(0, False, confidence * parameters.least_confidence / least)
+        return Orientation(0, False, confidence * LEAST_CONFIDENCE / least)
     return Orientation(best.rotation_deg, best.mirrored, confidence)
 
 
 class _LineReader:
     """Reads the lines of one axis in several orientations, each crop once in each of them."""
 
-    def __init__(
-        self,
-        flat: GrayImage,
-        lines: TextLines,
-        turn_deg: int,
-        ocr: OcrEngine,
-        parameters: OrientationParameters,
-    ) -> None:
+    def __init__(self, flat: GrayImage, lines: TextLines, turn_deg: int, ocr: OcrEngine) -> None:
         self.turn_deg = turn_deg
         self.mass = lines.mass
         self._page = np.rot90(flat, -(turn_deg // 90))
         self._inverted = lines.inverted
-        self._order = _reading_order(lines.lines, parameters.most_crops)
+        self._order = _reading_order(lines.lines, MOST_CROPS)
         self._ocr = ocr
-        self._parameters = parameters
         self._readings: dict[tuple[int, _Way], tuple[float, float]] = {}
 
     def score(self, ways: list[_Way], wanted: int) -> tuple[float, dict[_Way, float]]:
@@ -235,7 +212,7 @@ class _LineReader:
                 break
             readings = {way: self._read(index, way) for way in ways}
             letters = max(count for count, _ in readings.values())
-            if letters < self._parameters.informative_letters:
+            if letters < INFORMATIVE_LETTERS:
                 continue
             informative += 1
             total += letters
@@ -252,14 +229,12 @@ class _LineReader:
     def _read(self, index: int, way: _Way) -> tuple[float, float]:
         """Weighted number of letters in one crop, and their confidence."""
         if (index, way) not in self._readings:
-            crop = cut_line(self._page, self._order[index], self._inverted, self._parameters.crop_height_px)
+            crop = cut_line(self._page, self._order[index], self._inverted, CROP_HEIGHT_PX)
             # From the axis's frame back to the page's, and on to the candidate's.
             crop = np.rot90(crop, self.turn_deg // 90)
             crop = apply_orientation(crop, Orientation(way.rotation_deg, way.mirrored, None))
             text, confidence = self._ocr.read_line(crop)
-            letters = sum(map(str.isalpha, text)) + self._parameters.digit_weight * sum(
-                map(str.isdigit, text)
-            )
+            letters = sum(map(str.isalpha, text)) + DIGIT_WEIGHT * sum(map(str.isdigit, text))
             self._readings[index, way] = (letters, confidence)
         return self._readings[index, way]
 
@@ -306,7 +281,7 @@ def draw_for_reading(photo: RgbImage, analysis: PageAnalysis | None, frame: Fram
     if analysis is not None:
         text = analysis.strokes
         return draw_gray_view(text.image, text.factor, resize_frame(frame, text.factor), text.origin)
-    factor = min(1.0, READING_LONG_SIDE_PX / max(photo.shape))
+    factor = min(1.0, AnalysisParameters().long_side_px / max(photo.shape))
     gray = reduce_image(luminance(photo), factor)
     return draw_gray_view(flatten_illumination(gray), factor, resize_frame(frame, factor))
 

@@ -10,7 +10,6 @@ from services.arrays import Points
 from services.documents.paper_size import oriented_size
 from services.geometry.page_frame import AnyFrame, Frame
 from services.rectify.shape_choice.shaped_page import ShapedPage
-from services.sheet.outline.results import LEAST_CONFIDENCE
 
 MOST_STRETCH = 1.3
 """A sheet that is off by more is another one than the request names: in one-point perspective an assumed focal length
@@ -50,7 +49,7 @@ def _corners_in_photo(page: ShapedPage) -> Points | None:
         right, bottom = page.view.width - 1, page.view.height - 1
         return np.array([[0, 0], [right, 0], [right, bottom], [0, bottom]], np.float64)
     outline = page.outline
-    if outline is None or outline.confidence < LEAST_CONFIDENCE or not np.isfinite(outline.corners).all():
+    if outline is None or not np.isfinite(outline.corners).all():
         return None
     return outline.corners
 

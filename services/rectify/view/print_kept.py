@@ -1,7 +1,5 @@
 """Print on the sheet, which no view may lose: its boxes, frames that grow until they hold it, the share they hold."""
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from scipy.sparse import coo_array
@@ -13,7 +11,7 @@ from services.geometry.homographies import from_resized, translation
 from services.geometry.page_frame import Frame
 from services.notices import Notice
 from services.rectify.shape_choice.shaped_page import ShapedPage
-from services.sheet.outline.results import CERTAIN_CONFIDENCE, LEAST_CONFIDENCE
+from services.sheet.outline.results import BELIEVED_CONFIDENCE
 
 PRINT_CUT = Notice(
     "print-cut",
@@ -24,30 +22,23 @@ MASK_SCALE = 0.25
 """Size of the masks of polygons over that of the photo."""
 
 
-@dataclass(frozen=True, slots=True)
-class PrintParameters:
-    """What counts as print of the sheet. Lengths are in text heights."""
-
-    reach: float = 2.5
-    """Between characters of one word or line, wide word spaces included."""
-    word: int = 3
-    """Fewer characters in a row are specks, or grain of a desk."""
-    share_inside: float = 0.5
-    """Of a group of characters on the sheet: a line that goes on beyond a torn side is print, ..."""
-    least_inside: float = 0.8
-    """... unless the outline holds less than this share of all print, and is not certain: then it may not be the
-    sheet's. On some photos half of what looks like print is grain of a desk."""
-    margin: float = 0.5
-    scale_points: int = 60
-    """By so many characters the scale of the view is told."""
-    most_growth: float = 0.2
-    """Of the view's size, on each side: what is farther away is no print of this page."""
-    touch: float = 0.1
-    """From the photo's border: what ends nearer to it is cut by it."""
-    cut: int = 3
-    """Characters that are cut or lost, from which on it is said, ..."""
-    most_lost: float = 0.005
-    """... unless this share of all is not exceeded by the lost ones: they may be specks, as when a view is cut."""
+REACH = 2.5
+"""Text heights between characters of one word or line, wide word spaces included."""
+WORD = 3
+"""Fewer characters in a row are specks, or grain of a desk."""
+LEAST_INSIDE = 0.8
+"""Share of all print that an outline holds, or it must be believed: on some photos half of what looks like print is
+grain of a desk."""
+STRAY_SHARE = 0.005
+"""Of all characters: so many may be specks, wherever they lie."""
+SCALE_POINTS = 60
+"""By so many characters the scale of the view is told."""
+MOST_GROWTH = 0.2
+"""Of the view's size, on each side: what is farther away is no print of this page."""
+MARGIN = 0.5
+"""Text heights that are kept round print at which the view grows."""
+TOUCH = 0.1
+"""Text heights from the photo's border: what ends nearer to it is cut by it."""
 
 
 def sheet_print(page: ShapedPage) -> Floats:
@@ -55,41 +46,40 @@ def sheet_print(page: ShapedPage) -> Floats:
     analysis = page.analysis
     if analysis is None or not page.on_page.any():
         return np.zeros((0, 4, 2))
-    p = PrintParameters()
     x, y, width, height = (column.astype(np.float64) for column in analysis.text.components.boxes.T)
     # From border to border of the pixels, so that two characters may touch the photo's border.
     low = np.column_stack([x, y]) - 0.5
     size = np.column_stack([width, height])
     corners = np.stack([low, low + size * [1, 0], low + size, low + size * [0, 1]], axis=1)
     boxes = from_resized(corners.reshape(-1, 2), analysis.factor).reshape(-1, 4, 2)[page.on_page]
-    return boxes[_on_sheet(page, page.characters, p)]
+    return boxes[_on_sheet(page, page.characters)]
 
 
-def _on_sheet(page: ShapedPage, characters: Points, p: PrintParameters) -> Mask:
+def _on_sheet(page: ShapedPage, characters: Points) -> Mask:
     """Which `characters` (N, 2) are in groups of the size of a word, on the sheet where its outline is seen."""
-    near = cKDTree(characters).query_pairs(p.reach * page.text_height_px, output_type="ndarray")
+    near = cKDTree(characters).query_pairs(REACH * page.text_height_px, output_type="ndarray")
     count = len(characters)
     graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(count, count))
     group = connected_components(graph, directed=False)[1]
     number = np.bincount(group)
-    kept = number >= p.word
-    if page.outline is not None and page.outline.confidence >= LEAST_CONFIDENCE:
+    kept = number >= WORD
+    if page.outline is not None:
         inside = page.outline.holds(characters)
-        if page.outline.confidence >= CERTAIN_CONFIDENCE or inside.mean() >= p.least_inside:
-            kept &= np.bincount(group, inside) >= p.share_inside * number
+        if page.outline.confidence >= BELIEVED_CONFIDENCE or inside.mean() >= LEAST_INSIDE:
+            # A line that goes on beyond a torn side is print: most of it is on the sheet.
+            kept &= 2 * np.bincount(group, inside) >= number
     return np.asarray(kept[group])
 
 
 def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float) -> Frame:
     """`frame`, larger on those sides on which one of the `boxes` (N, 4, 2), photo pixels, ends outside of it."""
-    p = PrintParameters()
     size = np.array([frame.width, frame.height], np.float64)
     at, _ = _near_border(frame, boxes)
     with np.errstate(invalid="ignore"):
-        near = ((at >= -p.most_growth * size) & (at <= (1 + p.most_growth) * size)).all(axis=(1, 2))
+        near = ((at >= -MOST_GROWTH * size) & (at <= (1 + MOST_GROWTH) * size)).all(axis=(1, 2))
     if not near.any():
         return frame
-    margin = p.margin * text_height_px * _text_scale(frame, boxes, p)
+    margin = MARGIN * text_height_px * _text_scale(frame, boxes)
     low, high = at[near].min(axis=(0, 1)), at[near].max(axis=(0, 1))
     before = np.where(low < -0.5, np.ceil(margin - low), 0.0)
     after = np.where(high > size - 0.5, np.ceil(high + margin - size + 1), 0.0)
@@ -105,33 +95,29 @@ def _near_border(frame: Frame, boxes: Floats) -> tuple[Floats, Mask]:
     The others lie within it for certain: their first corner does, by more than twice their size.
     """
     first, size = frame.to_flat(boxes[:, 0]), np.array([frame.width, frame.height])
-    reach = (
-        2 * np.linalg.norm(boxes[:, 2] - boxes[:, 0], axis=1) * _text_scale(frame, boxes, PrintParameters())
-    )
+    reach = 2 * np.linalg.norm(boxes[:, 2] - boxes[:, 0], axis=1) * _text_scale(frame, boxes)
     with np.errstate(invalid="ignore"):
         within = ((first > reach[:, None]) & (first < size - reach[:, None])).all(axis=1)
     corners = frame.to_flat(boxes[~within].reshape(-1, 2)).reshape(-1, 4, 2)
     return np.asarray(corners), np.asarray(~within)
 
 
-def _text_scale(frame: Frame, boxes: Floats, p: PrintParameters) -> float:
+def _text_scale(frame: Frame, boxes: Floats) -> float:
     """Pixels of the view by a pixel of the photo at the `boxes` (N, 4, 2), the median; 0 without any."""
-    points, half = boxes[:: max(len(boxes) // p.scale_points, 1), 0], np.array([0.0, 0.5])
+    points, half = boxes[:: max(len(boxes) // SCALE_POINTS, 1), 0], np.array([0.0, 0.5])
     steps = np.linalg.norm(frame.to_flat(points + half) - frame.to_flat(points - half), axis=1)
     known = steps[np.isfinite(steps)]
     return float(np.median(known)) if len(known) else 0.0
 
 
-def kept_print(frame: Frame, boxes: Floats, *drawn: Points | None) -> Mask:
-    """Which `boxes` (N, 4, 2), photo pixels, lie in the view, and within all polygons (M, 2) outside of which it is
-    white."""
+def kept_print(frame: Frame, boxes: Floats, paper: Points | None = None) -> Mask:
+    """Which `boxes` (N, 4, 2), photo pixels, lie in the view, and in `paper` (M, 2), outside of which it is white."""
     at, near = _near_border(frame, boxes)
     kept = ~near
     with np.errstate(invalid="ignore"):
         kept[near] = ((at >= -1.0) & (at <= [frame.width, frame.height])).all(axis=(1, 2))
-    for polygon in drawn:
-        if polygon is not None:
-            kept &= _within(polygon, boxes.mean(axis=1))
+    if paper is not None:
+        kept &= _within(paper, boxes.mean(axis=1))
     return np.asarray(kept)
 
 
@@ -142,21 +128,20 @@ def share_kept(boxes: Floats, kept: Mask) -> float | None:
 
 def hides_print(polygon: Points, boxes: Floats) -> bool:
     """Whether as many characters as a word has lie outside of a `polygon` (M, 2) outside of which the view is white."""
-    return bool(np.sum(~_within(polygon, boxes.mean(axis=1))) >= PrintParameters().cut)
+    return bool(np.sum(~_within(polygon, boxes.mean(axis=1))) >= WORD)
 
 
 def print_notices(
     boxes: Floats, kept: Mask, size: tuple[int, int], text_height_px: float
 ) -> tuple[Notice, ...]:
     """The warning that print is cut: by the border of the photo of `size` (width, height), or as it is not `kept`."""
-    p = PrintParameters()
-    near = p.touch * text_height_px
+    near = TOUCH * text_height_px
     low, high = boxes.min(axis=1), boxes.max(axis=1)
     touching = (low <= near - 0.5) | (high >= np.array(size) - 0.5 - near)
     at_one_border = max(touching.sum(axis=0), default=0)
     lost = int(np.sum(~kept))
-    is_lost = lost >= p.cut and lost > p.most_lost * len(kept)
-    return (PRINT_CUT,) if is_lost or at_one_border >= p.cut else ()
+    is_lost = lost >= WORD and lost > STRAY_SHARE * len(kept)
+    return (PRINT_CUT,) if is_lost or at_one_border >= WORD else ()
 
 
 def _within(polygon: Points, points: Points) -> Mask:

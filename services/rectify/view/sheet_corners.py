@@ -3,7 +3,7 @@
 import numpy as np
 
 from services.arrays import Floats, Points
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
+from services.sheet.outline.results import SheetOutline
 
 
 def corners_by_view(outline: SheetOutline | None, mesh: Floats, *, mirrored: bool) -> Points | None:
@@ -21,9 +21,9 @@ def corners_by_view(outline: SheetOutline | None, mesh: Floats, *, mirrored: boo
     Returns
     -------
     Points or None
-        A row is NaN where the corner was not seen; None: there is no outline that is more likely right than wrong.
+        A row is NaN where the corner was not seen; None: there is no outline.
     """
-    if outline is None or outline.confidence < LEAST_CONFIDENCE:
+    if outline is None:
         return None
     corners = outline.corners[::-1] if mirrored else outline.corners
     ends = mesh[[0, 0, -1, -1], [0, -1, -1, 0]]

@@ -1,101 +1,111 @@
-"""Cut of a flat view to the sheet: at the sides of its outline, at edges that the flat view shows, beyond the print."""
+"""Cut of a flat view to the sheet: its outline, the gutter, edges that the flat view shows, the end of the print."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from services.arrays import Mask, Points, RgbImage
-from services.geometry.page_frame import Frame, FramingParameters, resize_frame
+from services.geometry.homographies import translation
+from services.geometry.page_frame import Frame, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.ground import sides_reached
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.drawing import draw_flat_view
-from services.rectify.view.edge_cropping import LONG_SIDE_PX, crop_frame, shown_pixels
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline
+from services.rectify.view.paper_end import PaperEnd
+from services.rectify.view.print_kept import STRAY_SHARE
+from services.sheet.outline.results import SheetOutline
 
 SIDES = ("left", "top", "right", "bottom")
-
-STRAY_PERCENT = 0.5
-"""Share of the characters beyond either end of the text: they may be specks."""
-FEWEST_POINTS = 8
-"""Points of a side from which its line is fitted."""
-
-
-@dataclass(frozen=True, slots=True)
-class SheetCutParameters:
-    """When a side of the outline is accepted, and how much blank ground is kept."""
-
-    certain_confidence: float = 0.97
-    """Confidence of the outline from which on nearly none is wrong."""
-    white_confidence: float = 0.8
-    """Confidence of the outline from which on everything outside of it is drawn white."""
-    min_seen: float = 0.4
-    """Share of a side on which its edge is seen."""
-    max_slope: float = 0.2
-    """Of a side in the flat view: a larger slope is not that of a side of this page."""
-    inner_percentile: float = 85.0
-    """Of a side's points, counted from outside: where a side that is not quite straight is cut."""
-    min_text_share: float = 0.97
-    """Least share of the characters inside the outline; with fewer it is not that of this sheet."""
-    max_text_share: float = 0.005
-    """Largest share of the characters outside of a side of their sheet."""
-    blank_margin: float = 0.12
-    """Of the text's larger size, kept beyond the print where the sheet's edge is not seen: margins of pages are as
-    wide."""
-    close_sides: int = 2
-    """Sides on which print, or the sheet, ends near the photo's frame, from which on the page alone is in view."""
-    ink_size: float = 1.5
-    """Text heights: what is wider is shadow or ground."""
-    least_ink_size_px: int = 7
-    ink_contrast: float = 0.2
-    """Contrast of print to its surroundings, as a share of their brightness: above noise and edges of shadows."""
-    black: float = 16.0
-    """Gray levels added to the surroundings, so that noise in the dark is not print."""
-    least_ink_px: int = 12
-    """Within a text height of a row or column of the reduced view; fewer are specks."""
+MAX_SLOPE = 0.2
+"""Of a side in the flat view: a steeper one is not that of this page, or print is aslant on its sheet."""
+GUTTER_MARGIN = 0.5
+"""Text heights between the text and the cut at the gutter."""
+LONG_SIDE_PX = 700
+"""Long side of the view in which edges and blank ground are sought."""
+SHOWN_STEP_PX = 8
+"""Whether the photo shows a place of that view is computed at every eighth pixel."""
+BLANK_MARGIN = 0.12
+"""Of the text's larger size, kept beyond the print where the sheet's edge is not seen: margins of pages are as wide."""
+CLOSE_SIDES = 2
+"""Sides on which print, or the sheet, ends near the photo's frame, from which on the page alone is in view."""
+INK_SIZE = 1.5
+"""Text heights: what is wider is shadow or ground."""
+INK_CONTRAST = 0.2
+"""Of print to its surroundings, as a share of their brightness: above noise and edges of shadows."""
+DARK = 16.0
+"""Gray levels added to the surroundings, so that noise in the dark is not print."""
+LEAST_INK_PX = 12
+"""Within a text height of a row or column of the reduced view; fewer are specks."""
 
 
-def cut_to_outline(frame: Frame, outline: SheetOutline, characters: Points) -> tuple[Frame, frozenset[str]]:
+def cut_view(photo: RgbImage, frame: Frame, page: ShapedPage, end: PaperEnd) -> Frame:
+    """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground."""
+    if page.analysis is not None and page.shape.ends_at_sides:
+        return frame
+    known: frozenset[str] = frozenset()
+    if page.outline is not None:
+        frame, known = cut_to_outline(frame, page.outline, page.characters, believed=end.believed)
+    if page.analysis is None:
+        return frame
+    frame = crop_to_gutter(frame, page.analysis)
+    return cut_to_page(photo, frame, page.analysis, known, whole=end.whole)
+
+
+def cut_to_outline(
+    frame: Frame, outline: SheetOutline, characters: Points, *, believed: bool
+) -> tuple[Frame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
-    `characters` (N, 2), photo pixels, must be inside; a side that would cut text off is not used.
+    A side that would cut off `characters` (N, 2), photo pixels, is not used; outside of a `believed` outline they are
+    specks of a desk.
     """
-    p = SheetCutParameters()
-    if outline.confidence < LEAST_CONFIDENCE:
-        return frame, frozenset()
-    if outline.confidence >= p.certain_confidence:
-        on_sheet = outline.holds(characters)
-        if len(on_sheet) and on_sheet.mean() < p.min_text_share:
-            return frame, frozenset()
-        # Outside of a certain sheet, "print" is specks of a desk; an uncertain outline may be a frame on the page.
-        characters = characters[on_sheet]
-    text = frame.to_flat(characters)
-    text = text[np.isfinite(text).all(axis=1)]
-    border = frame.to_flat(outline.polygon)
-    centre = np.nanmedian(border, axis=0)
+    if believed:
+        characters = characters[outline.holds(characters)]
+    text = _finite(frame.to_flat(characters))
+    centre = np.nanmedian(frame.to_flat(outline.polygon), axis=0)
     found: dict[str, float] = {}
-    for side in outline.sides:
-        points = frame.to_flat(side.points)
-        points = points[np.isfinite(points).all(axis=1)]
-        if side.seen < p.min_seen or len(points) < FEWEST_POINTS:
+    for side in outline.seen_sides:
+        points = _finite(frame.to_flat(side.points))
+        if len(points) < 2:
             continue
-        middle = points.mean(axis=0)
+        middle = np.median(points, axis=0)
         way = np.linalg.svd(points - middle)[2][0]
         upright = abs(way[1]) > abs(way[0])
         axis = 0 if upright else 1
-        if abs(way[axis]) > p.max_slope * abs(way[1 - axis]):
+        if abs(way[axis]) > MAX_SLOPE * abs(way[1 - axis]):
             continue
-        before = bool(middle[axis] < centre[axis])
-        place = float(
-            np.percentile(points[:, axis], p.inner_percentile if before else 100 - p.inner_percentile)
-        )
+        place, before = float(middle[axis]), bool(middle[axis] < centre[axis])
         beyond = text[:, axis] < place if before else text[:, axis] > place
-        if len(text) and beyond.mean() > p.max_text_share:
+        if len(text) and beyond.mean() > STRAY_SHARE:
             continue
         found[("left" if before else "right") if upright else ("top" if before else "bottom")] = place
     return crop_frame(frame, SheetEdges(**found)), frozenset(found)
+
+
+def crop_to_gutter(frame: Frame, analysis: PageAnalysis) -> Frame:
+    """`frame` without what lies beyond the gutter, if a facing page was found; no text of the page is cut."""
+    if analysis.gutter is None:
+        return frame
+    text, line = _finite(frame.to_flat(analysis.characters)), frame.to_flat(_dense(analysis.gutter))
+    low, high = text.min(axis=0), text.max(axis=0)
+    with np.errstate(invalid="ignore"):
+        beside = line[(line[:, 1] >= low[1]) & (line[:, 1] <= high[1]), 0]
+    if not len(beside):
+        return frame
+    gutter, margin = float(np.median(beside)), GUTTER_MARGIN * analysis.text_height_px
+    if gutter > np.median(text[:, 0]):
+        return crop_frame(frame, SheetEdges(right=max(gutter, float(high[0]) + margin)))
+    return crop_frame(frame, SheetEdges(left=min(gutter, float(low[0]) - margin)))
+
+
+def _dense(line: Points, count: int = 400) -> Points:
+    """`line` (N, 2) with more points between its own."""
+    steps = np.linspace(0, len(line) - 1, count)
+    at = np.arange(len(line))
+    return np.column_stack([np.interp(steps, at, line[:, 0]), np.interp(steps, at, line[:, 1])])
 
 
 def cut_to_page(
@@ -108,55 +118,46 @@ def cut_to_page(
 ) -> Frame:
     """`frame` cut on the sides that are not `known` yet: at long edges next to the text, or where blank ground begins.
 
-    With `whole` the sheet is certainly in the photo as a whole; then lines inside its outline are print, not edges.
+    With `whole` the sheet's end is known all round; then lines inside of it are print, not edges.
     """
-    p = SheetCutParameters()
-    if len(known) == len(SIDES):
+    if whole or len(known) == len(SIDES):
         return frame
     factor = min(1.0, LONG_SIDE_PX / max(frame.width, frame.height))
     small = resize_frame(frame, factor)
     view = draw_flat_view(photo, small)
     shown = shown_pixels(small, photo.shape[1], photo.shape[0])
-    text = small.to_flat(analysis.characters)
-    text_height_px = analysis.text_height_px * factor
-    edges = SheetEdges() if whole else find_sheet_edges(view, text, text_height_px, shown)
+    text, text_height_px = small.to_flat(analysis.characters), analysis.text_height_px * factor
+    edges = find_sheet_edges(view, text, text_height_px, shown)
     edges = replace(edges, **{side: None for side in known})
     open_sides = [side for side in SIDES if side not in known and getattr(edges, side) is None]
-    if open_sides and not whole:
-        blank = blank_ground(view, shown, text, text_height_px, p)
+    if open_sides:
+        blank = blank_ground(view, shown, text, text_height_px)
         cut = [side for side in open_sides if getattr(blank, side) is not None]
         # Paper that goes on to the photo's frame is the sheet's, blank or not; with blank ground on all sides, it is a
         # table as white as the sheet.
-        close = len(SIDES) - len(cut) >= p.close_sides
+        close = len(SIDES) - len(cut) >= CLOSE_SIDES
         paper = sides_reached(view, shown) if cut and close else frozenset()
         edges = replace(edges, **{side: getattr(blank, side) for side in cut if side not in paper})
     return crop_frame(frame, edges, factor)
 
 
-def blank_ground(
-    view: RgbImage,
-    shown: Mask,
-    text: Points,
-    text_height_px: float,
-    parameters: SheetCutParameters | None = None,
-) -> SheetEdges:
+def blank_ground(view: RgbImage, shown: Mask, text: Points, text_height_px: float) -> SheetEdges:
     """Edges at a margin from the outermost print of the `view` (H, W, 3), on sides with only blank ground beyond.
 
     `text` (N, 2) are characters, `shown` (H, W) the pixels that the photo shows. None on sides where print, a
     picture or a desk continues to the end of the view.
     """
-    p = parameters or SheetCutParameters()
-    text = text[np.isfinite(text).all(axis=1)]
+    text = _finite(text)
     if not len(text):
         return SheetEdges()
-    ink = _fine_structure(view, shown, max(round(p.ink_size * text_height_px), p.least_ink_size_px), p)
-    low, high = np.percentile(text, STRAY_PERCENT, axis=0), np.percentile(text, 100.0 - STRAY_PERCENT, axis=0)
-    margin = max(p.blank_margin * float((high - low).max()), 3 * text_height_px)
+    ink = _fine_structure(view, shown, round(INK_SIZE * text_height_px))
+    low, high = np.quantile(text, STRAY_SHARE, axis=0), np.quantile(text, 1 - STRAY_SHARE, axis=0)
+    margin = max(BLANK_MARGIN * float((high - low).max()), 3 * text_height_px)
     size = (view.shape[1], view.shape[0])
     edges: dict[str, float | None] = {}
     for axis, (before, after) in enumerate((("left", "right"), ("top", "bottom"))):
         near = np.convolve(ink.sum(axis=axis), np.ones(max(round(text_height_px), 1)), "same")
-        inked = np.flatnonzero(near >= p.least_ink_px)
+        inked = np.flatnonzero(near >= LEAST_INK_PX)
         first = min(float(low[axis]), float(inked[0]) if len(inked) else np.inf) - margin
         last = max(float(high[axis]), float(inked[-1]) if len(inked) else -np.inf) + margin
         edges[before] = first if first > 0 else None
@@ -164,47 +165,41 @@ def blank_ground(
     return SheetEdges(**edges)
 
 
-def _fine_structure(view: RgbImage, shown: Mask, size: int, p: SheetCutParameters) -> Mask:
+def _fine_structure(view: RgbImage, shown: Mask, size: int) -> Mask:
     """Pixels (H, W) of `view` that are darker than their surroundings and narrower than `size`: print, not shadows."""
     gray = luminance(view)
     around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8)).astype(np.float32)
     # The border of the photo is not print.
     rim = 2 * size + 1
     inside = cv2.erode(shown.astype(np.uint8), np.ones((rim, rim), np.uint8), borderValue=0)
-    return np.asarray((around - gray > p.ink_contrast * (around + p.black)) & (inside > 0))
+    return np.asarray((around - gray > INK_CONTRAST * (around + DARK)) & (inside > 0))
 
 
-def restore_detail(frame: Frame, photo_pixels: int, characters: Points, text_height_px: float) -> Frame:
-    """Raise the resolution of `frame` to that of the photo, and above it where print is small.
+def _finite(points: Points) -> Points:
+    """Those of `points` (N, 2) that the page's map places."""
+    return points[np.isfinite(points).all(axis=1)]
 
-    A view that was larger before it was cut may have been reduced. Small print loses detail by every resampling, less
-    so if it is drawn with more pixels than the photo has, which are `photo_pixels`. `characters` (N, 2) are their
-    centres in the photo. `frame` itself is returned if its resolution is right.
-    """
-    f = FramingParameters()
-    at = frame.to_flat(characters)
-    at = at[np.isfinite(at).all(axis=1)]
-    if not len(at):
+
+def crop_frame(frame: Frame, edges: SheetEdges, factor: float = 1.0) -> Frame:
+    """`frame` cropped to `edges`, which are in pixels of the frame resized by `factor`."""
+
+    def side(edge: float | None, otherwise: int, limit: int) -> int:
+        return otherwise if edge is None else int(np.clip(round((edge + 0.5) / factor - 0.5), 0, limit))
+
+    left, top = side(edges.left, 0, frame.width - 1), side(edges.top, 0, frame.height - 1)
+    right = side(edges.right, frame.width - 1, frame.width - 1)
+    bottom = side(edges.bottom, frame.height - 1, frame.height - 1)
+    if right <= left or bottom <= top:
         return frame
-    steps = [frame.to_photo(at + d) for d in np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])]
-    a, b = steps[1] - steps[0], steps[2] - steps[0]
+    return frame.through(translation(float(left), float(top)), right - left + 1, bottom - top + 1)
+
+
+def shown_pixels(frame: Frame, width: int, height: int) -> Mask:
+    """Pixels (H, W) of the frame that lie well within a photo of `width` x `height`, to a step of a grid."""
+    x, y = np.arange(0, frame.width, SHOWN_STEP_PX), np.arange(0, frame.height, SHOWN_STEP_PX)
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5 * (SHOWN_STEP_PX - 1)
+    seen = frame.to_photo(grid)
     with np.errstate(invalid="ignore"):
-        lost = np.sqrt(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
-    growth = float(np.nanpercentile(lost, f.detail_percentile))
-    enlargement = float(np.clip(f.small_print_px / max(text_height_px, 1.0), 1.0, f.max_enlargement))
-    growth *= enlargement
-    pixels = max(f.max_growth * photo_pixels, f.small_view_px if enlargement > 1 else 0.0)
-    room = np.sqrt(pixels / (frame.width * frame.height))
-    growth = min(growth, float(room), f.longest_side_px / max(frame.width, frame.height))
-    return resize_frame(frame, growth) if growth > f.least_growth else frame
-
-
-def paper_in_photo(outline: SheetOutline, characters: Points) -> Points | None:
-    """The outline's polygon (M, 2), photo pixels, beyond which the view is white; None where it is not certain."""
-    p = SheetCutParameters()
-    if outline.confidence < p.white_confidence:
-        return None
-    on_sheet = outline.holds(characters)
-    if len(on_sheet) and on_sheet.mean() < p.min_text_share:
-        return None
-    return outline.polygon
+        inside = ((seen >= 1) & (seen <= np.array([width, height]) - 2)).all(axis=1).reshape(len(y), len(x))
+    cells = np.ones((SHOWN_STEP_PX, SHOWN_STEP_PX), bool)
+    return np.asarray(np.kron(inside, cells)[: frame.height, : frame.width])

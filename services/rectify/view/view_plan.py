@@ -17,6 +17,7 @@ from services.geometry.homographies import transform_points
 from services.geometry.page_frame import Frame
 from services.imaging.node_grid import GRID_STEP_PX
 from services.rectify.view.drawing import photo_nodes, places_in_view
+from services.rectify.view.paper_end import filled_hull
 from services.sheet.plane.framing import FlatFrame
 
 
@@ -77,25 +78,22 @@ class PlannedFrame:
 class PlannedView:
     """One view before it is turned: its frame, where it is drawn white, and where its text is.
 
-    `border` and `paper` (M, 2) are polygons of photo pixels as of `draw_flat_view`, None where nothing is drawn white.
+    `paper` (M, 2) is a polygon of photo pixels as of `draw_flat_view`, None where nothing is drawn white.
     `characters` (N, 2) are pixels of the view; None where no text was seen.
     """
 
     frame: Frame
-    border: Points | None
     paper: Points | None
     characters: Points | None
 
 
-def plan_view(
-    frame: Frame, border: Points | None, paper: Points | None, characters: Points | None
-) -> PlannedView:
+def plan_view(frame: Frame, paper: Points | None, characters: Points | None) -> PlannedView:
     """The plan of the view through `frame`; `characters` (N, 2) are photo pixels."""
     places = None if characters is None else places_in_view(frame, characters)
     if frame.H_photo_flat is not None:
-        return PlannedView(FlatFrame(frame.H_photo_flat, frame.width, frame.height), border, paper, places)
+        return PlannedView(FlatFrame(frame.H_photo_flat, frame.width, frame.height), paper, places)
     grid = NodeGrid(photo_nodes(frame).astype(np.float32))
-    return PlannedView(PlannedFrame(grid, np.eye(3), frame.width, frame.height), border, paper, places)
+    return PlannedView(PlannedFrame(grid, np.eye(3), frame.width, frame.height), paper, places)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +114,7 @@ class ViewPlan:
             else:
                 assert frame.H_photo_flat is not None
                 arrays[f"{crop}.H"] = np.asarray(frame.H_photo_flat, np.float64)
-            for name in ("border", "paper", "characters"):
+            for name in ("paper", "characters"):
                 points = getattr(view, name)
                 if points is not None:
                     arrays[f"{crop}.{name}"] = points.astype(np.float32)
@@ -138,9 +136,11 @@ def unpack_plan(packed: bytes) -> ViewPlan:
                 frame = PlannedFrame(NodeGrid(arrays[f"{crop}.nodes"]), np.eye(3), width, height)
             else:
                 frame = FlatFrame(arrays[f"{crop}.H"], width, height)
-            points = (
+            paper, border, characters = (
                 arrays[name].astype(np.float64) if (name := f"{crop}.{part}") in arrays else None
-                for part in ("border", "paper", "characters")
+                for part in ("paper", "border", "characters")
             )
-            views[crop] = PlannedView(frame, *points)
+            if paper is None and border is not None:  # earlier releases kept two polygons
+                paper = filled_hull(border)
+            views[crop] = PlannedView(frame, paper, characters)
     return ViewPlan(views)

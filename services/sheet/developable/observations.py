@@ -9,16 +9,22 @@ from services.arrays import Mask, Points, Vector
 from services.geometry.camera import PrincipalPointPrior
 from services.texture_flow.field import FlowSamples
 
+# Standard deviations of what print shows, on flat and on bent sheets.
+FLOW_OVERLAP = 12.0
+"""Windows of neighbouring major samples share ink: this many count as one."""
+STROKE_OVERLAP = 4.0
+"""Windows of neighbouring minor samples share ink: this many count as one."""
+SLANT_MEAN_RAD = np.deg2rad(0.2)
+MARGIN_DEVIATION = 0.25
+"""Deviation of a flush end in text heights (side bearings)."""
+TILT_RAD = np.deg2rad(35.0)
+"""People hold a camera approximately over the page; it decides only where the page shows nothing."""
+
 
 @dataclass(frozen=True, slots=True)
 class ObservationParameters:
     """Standard deviations of what print shows, on flat and on bent sheets."""
 
-    flow_overlap: float = 12.0
-    """Windows of neighbouring major samples share ink: this many count as one."""
-    stroke_overlap: float = 4.0
-    """Windows of neighbouring minor samples share ink: this many count as one."""
-    slant_mean_rad: float = np.deg2rad(0.2)
     slant_rad: float = np.deg2rad(0.15)
     """Flag serifs and round strokes make roman type appear slanted: by 0.14 to 0.18 degrees on ten sharp pages at
     seven angles, 0.25 to 0.4 blurred. One unknown slant with this prior accounts for it (and for a few italics)."""
@@ -26,10 +32,6 @@ class ObservationParameters:
     """Deviation of a line's place over the spacing."""
     spacing_between: float = 0.012
     """Deviation of the logarithm of spacings of different paragraphs that are taken as equal."""
-    margin: float = 0.25
-    """Deviation of a flush end in text heights (side bearings)."""
-    tilt_rad: float = np.deg2rad(35.0)
-    """People hold a camera approximately over the page; it decides only where the page shows nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,16 @@ from scipy.sparse import csr_array
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import rotation_from_vector
 from services.robust import cauchy, soft_l1
-from services.sheet.developable.observations import ObservationParameters, PageObservations, SideObservations
+from services.sheet.developable.observations import (
+    FLOW_OVERLAP,
+    MARGIN_DEVIATION,
+    SLANT_MEAN_RAD,
+    STROKE_OVERLAP,
+    TILT_RAD,
+    ObservationParameters,
+    PageObservations,
+    SideObservations,
+)
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
 from services.sheet.developable.variation import GLOBAL, LOG_FOCAL, SKEW, SLOPES, TURN, vary_page
 from services.texture_flow.field import FlowSamples
@@ -27,32 +36,35 @@ _PROBE = 0.002
 """Distance of the two photo points whose vector on the page is the flow's direction there (about 3 px)."""
 
 
+# Standard deviations of observations and priors of a bent sheet; lengths in centred units.
+MAJOR_RAD = np.deg2rad(0.3)
+MINOR_RAD = np.deg2rad(0.5)
+USUAL_SKEW_RAD = np.deg2rad(12.0)
+"""Sheets bend across or along their text lines more often than diagonally: deviation of sin(2 skew) / 2."""
+SLOPE = 0.15
+"""Deviation of the slope of the rulings, per unit: books and bent sheets are nearly cylinders."""
+BEND = 6.0
+"""Deviation of the curvature of the a-axis, per unit."""
+BEND_DIFFERENCE = 3.0
+BEND_CHANGE = 1.0
+"""Deviations of the first and second differences of neighbouring bends."""
+RIM_DIFFERENCE = 0.7
+RIM_BENDS = 2
+"""Deviation of the first differences of this many bends at either end, beyond the text: the bend continues. Where
+the sheet's sides are seen, they show the bend there."""
+SIDE_FLOOR = 0.00015
+"""Least deviation of a point of a side (a fifth of a pixel of two megapixels): edges are not seen better."""
+GROWTH = 0.35
+GROWTH_DEVIATION = 0.05
+"""Under the text, neighbouring rulings may approach each other to about this share of their distance."""
+
+
 @dataclass(frozen=True, slots=True)
 class FittingParameters(ObservationParameters):
     """Standard deviations of observations and priors of a bent sheet; lengths in centred units."""
 
-    major_rad: float = np.deg2rad(0.3)
-    minor_rad: float = np.deg2rad(0.5)
-    skew_rad: float = np.deg2rad(12.0)
-    """Sheets bend across or along their text lines more often than diagonally: deviation of sin(2 skew) / 2."""
-    slope: float = 0.15
-    """Deviation of the slope of the rulings, per unit: books and bent sheets are nearly cylinders."""
-    bend: float = 6.0
-    """Deviation of the curvature of the a-axis, per unit."""
-    bend_difference: float = 3.0
-    bend_change: float = 1.0
-    """Deviations of the first and second differences of neighbouring bends."""
-    rim_difference: float = 0.7
-    rim_bends: int = 2
-    """Deviation of the first differences of this many bends at either end, beyond the text: the bend continues. Where
-    the sheet's sides are seen, they show the bend there."""
     line_factor: float = 1.0
-    side_floor: float = 0.00015
-    """Least deviation of a point of a side (a fifth of a pixel of two megapixels): edges are not seen better."""
     side_factor: float = 1.0
-    growth: float = 0.35
-    growth_deviation: float = 0.05
-    """Under the text, neighbouring rulings may approach each other to about this share of their distance."""
     cauchy_flows: bool = False
     """Whether the loss of flows is Cauchy's: flows of whole parts may be wrong (pictures that were read as text)."""
     max_evaluations: int = 40
@@ -116,7 +128,7 @@ class StraightEdges:
         if len(self.index):
             J = np.nan_to_num(start.jacobians(edges.points))
             grow = np.maximum(np.linalg.norm(J[np.arange(len(J)), (~self.upright).astype(int)], axis=1), 0.1)
-        self.deviation = np.hypot(edges.deviations, p.side_floor) * p.side_factor * grow
+        self.deviation = np.hypot(edges.deviations, SIDE_FLOOR) * p.side_factor * grow
         self.weight = 1 / self.deviation**2
         count = int(self.index.max()) + 1 if len(self.index) else 0
         total = np.bincount(self.index, self.weight, minlength=count)
@@ -158,12 +170,8 @@ class PageResiduals:
         self.principal = BENDS + basis.values.shape[1]
         self.observed, self.lines = observed, observed.lines
         p, lines = parameters, observed.lines
-        self.major_deviation = (
-            np.sqrt(p.flow_overlap / np.maximum(observed.major.weights, 0.05)) * p.major_rad
-        )
-        self.minor_deviation = (
-            np.sqrt(p.stroke_overlap / np.maximum(observed.minor.weights, 0.05)) * p.minor_rad
-        )
+        self.major_deviation = np.sqrt(FLOW_OVERLAP / np.maximum(observed.major.weights, 0.05)) * MAJOR_RAD
+        self.minor_deviation = np.sqrt(STROKE_OVERLAP / np.maximum(observed.minor.weights, 0.05)) * MINOR_RAD
         margins = np.concatenate(lines.margins) if lines.margins else np.zeros((0, 2))
         ahead = [_ahead(flow) for flow in (observed.major, observed.minor)]
         parts = [
@@ -249,13 +257,13 @@ class PageResiduals:
         """Rulings do not cross under the text: 1 + t w'(s) is at least `growth`."""
         s, t = sheet.T
         rates = np.stack([t, 2 * s * t], axis=1)
-        short = self.p.growth - (1 + rates @ x[SLOPES])
+        short = GROWTH - (1 + rates @ x[SLOPES])
         slope = np.zeros((len(s), len(x)))
         slope[:, SLOPES] = -rates
         near = short > 0
         return Residual(
-            np.where(near, short, 0.0) / self.p.growth_deviation,
-            slope * near[:, None] / self.p.growth_deviation,
+            np.where(near, short, 0.0) / GROWTH_DEVIATION,
+            slope * near[:, None] / GROWTH_DEVIATION,
         )
 
     def _spacings(self, level: Vector, dlevel: Floats) -> Residual:
@@ -294,7 +302,7 @@ class PageResiduals:
             middle = at + int(np.argsort(u[part])[len(margin) // 2])
             value[part], slope[part] = u[part] - u[middle], du[part] - du[middle]
             at += len(margin)
-        deviation = self.p.margin * self.text_height
+        deviation = MARGIN_DEVIATION * self.text_height
         return Residual(value / deviation, slope / deviation)
 
     def _priors(self, x: Vector) -> Residual:
@@ -302,29 +310,29 @@ class PageResiduals:
         eye = np.eye(len(x))
         of_bends = eye[BENDS : self.principal]
         first, second = np.diff(of_bends, axis=0), np.diff(of_bends, 2, axis=0)
-        difference = np.full(len(first), p.bend_difference)
+        difference = np.full(len(first), BEND_DIFFERENCE)
         if not len(self.observed.edges.points):
-            difference[: p.rim_bends] = difference[len(first) - p.rim_bends :] = p.rim_difference
+            difference[:RIM_BENDS] = difference[len(first) - RIM_BENDS :] = RIM_DIFFERENCE
         tilt, dtilt = self._tilt(x)
         value = [
             (x[[LOG_FOCAL]] - self.observed.log_focal) / self.observed.focal_deviation,
-            0.5 * np.sin(2 * x[[SKEW]]) / p.skew_rad,
-            x[SLOPES] / p.slope,
-            (x[[SLANT]] - p.slant_mean_rad) / p.slant_rad,
-            tilt / p.tilt_rad,
+            0.5 * np.sin(2 * x[[SKEW]]) / USUAL_SKEW_RAD,
+            x[SLOPES] / SLOPE,
+            (x[[SLANT]] - SLANT_MEAN_RAD) / p.slant_rad,
+            tilt / TILT_RAD,
             np.diff(k) / difference,
-            np.diff(k, 2) / p.bend_change,
-            k / p.bend,
+            np.diff(k, 2) / BEND_CHANGE,
+            k / BEND,
         ]
         slope = [
             eye[[LOG_FOCAL]] / self.observed.focal_deviation,
-            np.cos(2 * x[SKEW]) * eye[[SKEW]] / p.skew_rad,
-            eye[SLOPES] / p.slope,
+            np.cos(2 * x[SKEW]) * eye[[SKEW]] / USUAL_SKEW_RAD,
+            eye[SLOPES] / SLOPE,
             eye[[SLANT]] / p.slant_rad,
-            dtilt / p.tilt_rad,
+            dtilt / TILT_RAD,
             first / difference[:, None],
-            second / p.bend_change,
-            of_bends / p.bend,
+            second / BEND_CHANGE,
+            of_bends / BEND,
         ]
         if self.observed.principal_point:
             offset, deviations = x[self.principal :], np.array(self.observed.principal_point.deviations)

@@ -171,32 +171,6 @@ def meet_sides(sides: list[EdgePoints], known: NDArray[np.bool_]) -> Points:
     return _corners_of([(side.points, side.seen) for side in sides], known, p)
 
 
-def end_at_corners(side: EdgePoints, start: Points, end: Points) -> EdgePoints:
-    """The side without what was measured beyond its corners (2,), where it runs into the next side's edge."""
-    points = side.points
-    spacing = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    kept = np.ones(len(points), bool)
-    for corner, order in ((start, slice(None)), (end, slice(None, None, -1))):
-        if not np.isfinite(corner).all():
-            continue
-        run = points[order]
-        inner = run[len(run) // 8] - corner
-        ahead = (run - corner) @ inner / max(float(np.linalg.norm(inner)), 1e-9)
-        last = np.flatnonzero(ahead[: len(run) // 8] < 0.5 * spacing)
-        if len(last):
-            kept[order][: last[-1] + 1] = False
-    if kept.sum() < len(points) // 2:
-        return side
-    return EdgePoints(
-        points[kept],
-        side.normals[kept],
-        side.deviations[kept],
-        side.strength[kept],
-        side.seen[kept],
-        side.shown[kept],
-    )
-
-
 def guide_sides(edge: EdgePoints, corners: Corners, located: Points) -> list[Points]:
     """Curves (N, 2) near the four sides: what was seen of them, straight on across the rest, and sharp corners."""
     count = len(edge.points)

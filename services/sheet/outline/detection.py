@@ -16,7 +16,6 @@ from services.sheet.outline.candidates import (
 )
 from services.sheet.outline.corners import (
     Corners,
-    end_at_corners,
     guide_sides,
     locate_corners,
     meet_sides,
@@ -31,7 +30,7 @@ from services.sheet.outline.edges import (
 )
 from services.sheet.outline.print_place import place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
-from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.results import CERTAIN_CONFIDENCE, LEAST_CONFIDENCE, SheetOutline, SheetSide
 from services.sheet.outline.scoring import rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
 
@@ -45,19 +44,13 @@ class OutlineParameters:
     """Whether curves near the best candidate are searched too: a fifth of the time, for sheets whose parts differ."""
     tried: int = 7
     """Candidates that are measured in the photo, until one is certain: they are better evidence than ratings."""
-    alike: float = 1e-3
-    """Candidates whose ratings differ less are one curve found twice."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
     least_rating: float = 0.0
     """Candidates with a lower rating are not measured, ..."""
     most_cut: float = 1.0
     """... nor are those of which the photo cuts off a larger share."""
-    certain: float = 0.95
-    """An outline with this confidence needs no second candidate."""
     side_points: int = 60
-    least_confidence: float = 0.4
-    """Less certain outlines are not returned."""
 
 
 def find_outline(
@@ -93,9 +86,8 @@ def find_outline(
     if p.improved:
         candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
     candidates.sort(key=lambda c: c.rating, reverse=True)
-    distinct = [
-        c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating - c.rating > p.alike
-    ]
+    # One curve is often found twice.
+    distinct = [c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating != c.rating]
     sought = [c for c in distinct[: p.tried] if c.rating >= p.least_rating and c.cut <= p.most_cut]
     if not sought:
         return None
@@ -105,9 +97,9 @@ def find_outline(
         outline = measure_candidate(halves.image, reduced, medium, candidate, p)
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline
-        if best is not None and best.confidence >= p.certain:
+        if best is not None and best.confidence >= CERTAIN_CONFIDENCE:
             break
-    if best is None or best.confidence < p.least_confidence:
+    if best is None or best.confidence < LEAST_CONFIDENCE:
         return None
     return end_before_cut_corners(best)
 
@@ -147,8 +139,6 @@ def measure_candidate(
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)
-    located = meet_sides(measured, known)
-    measured = [end_at_corners(m, located[k], located[(k + 1) % 4]) for k, m in enumerate(measured)]
     located = meet_sides(measured, known)
     sides = [_side(m, p) for m in measured]
     pieces = []

@@ -17,7 +17,7 @@ from services.imaging.reduction import Halves
 from services.sheet.outline.candidates import Candidate
 from services.sheet.outline.detection import measure_candidate
 from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.outline.scoring import rate_curve
 
 
@@ -33,8 +33,6 @@ class EvenAreaParameters:
     """Share of its convex hull that an area covers, its holes counted in: print and glare at its border are no part."""
     rated_share: float = 0.5
     """Of the photo, as which a smaller area is rated: no curve outside of it is looked for."""
-    least_confidence: float = 0.8
-    """Without print or a place in the photo's middle, only four sides that are seen show a sheet."""
 
 
 def find_even_area(photo: RgbImage | Halves) -> SheetOutline | None:
@@ -48,7 +46,7 @@ def find_even_area(photo: RgbImage | Halves) -> SheetOutline | None:
     for hull in _enclosed_areas(reduced, p):
         rating = rate_curve(reduced, np.zeros((0, 2)), hull, p.rated_share)
         outline = measure_candidate(halves.image, reduced, medium_photo(halves), Candidate(hull, rating, 0.0))
-        if outline is not None and outline.confidence > (best.confidence if best else p.least_confidence):
+        if outline is not None and outline.confidence > (best.confidence if best else BELIEVED_CONFIDENCE):
             best = outline
     return best
 

@@ -8,9 +8,16 @@ import numpy as np
 from services.arrays import Mask, Points, Vector
 
 LEAST_CONFIDENCE = 0.5
-"""Sides of outlines of less confidence are more often wrong than right: they are not used."""
+"""Outlines of less confidence are more often wrong than right: they are not returned."""
+BELIEVED_CONFIDENCE = 0.8
+"""Confidence from which on the paper ends at the outline, if it holds the text; below it, it may be that of a stack of
+pages, of a whole book, or of a frame on the page."""
 CERTAIN_CONFIDENCE = 0.95
-"""Confidence from which on 99 % of the outlines are right."""
+"""Confidence from which on 99 % of the outlines are right: no second candidate is measured then."""
+
+
+LEAST_POINTS = 8
+"""Of a side that counts as seen: fewer tell no direction beyond their noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +50,11 @@ class SheetOutline:
     sides: tuple[SheetSide, SheetSide, SheetSide, SheetSide]
     confidence: float
     polygon: Points
+
+    @property
+    def seen_sides(self) -> list[SheetSide]:
+        """The sides of which an edge is seen."""
+        return [side for side in self.sides if len(side.points) >= LEAST_POINTS]
 
     def holds(self, points: Points, scale: float = 0.25) -> Mask:
         """Which `points` (N, 2) lie within, to a few pixels: on a mask of `scale` times the size."""

@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.photo_frame import PhotoFrame
-from services.robust import cauchy_weights, robust_scale
+from services.robust import CAUCHY_WIDTH, cauchy_weights, robust_scale
 from services.sheet.developable.observations import LineObservations
 from services.texture_flow.field import FlowSamples, angle_difference
+from services.texture_flow.minor import blur_of_strokes
 
 ROUNDS = 8
 """Of reweighted least squares."""
-LOSS_SCALE = 2.0
-"""Scale of Cauchy's loss in robust deviations of the residuals."""
 BEND_TERMS = 5
 """Of each polynomial of a bend: a page of a book bends within a tenth of its width."""
 BEND_DEVIATION = 0.02
@@ -42,8 +41,6 @@ NARROW = 0.6
 """Of the photo's width: print that takes less is part of a page that is narrower too, ..."""
 ENDS = (5.0, 95.0)
 """... between these percentiles of its characters."""
-SHARP_TEXT_HEIGHT_PX = 22.0
-"""Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +82,7 @@ def measure_departure(
     These and `characters` (N, 2) are centred in `view`; `text_height_px` is the characters' size in the photo.
     """
     axes = _axes(view, skew_rad)
-    blur = max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2)
+    blur = blur_of_strokes(text_height_px)
     reach = _reach(characters, view, skew_rad)
     crossing = None
     if strokes is not None and len(strokes) >= FEWEST_DIRECTIONS:
@@ -198,7 +195,7 @@ def _fit(terms: Floats, values: Vector, weights: Vector, prior: int | None = Non
     scale = np.inf
     for _ in range(ROUNDS):
         rest = weights * (values - terms @ found)
-        loss = np.ones(len(rest)) if np.isinf(scale) else cauchy_weights(rest, LOSS_SCALE * scale)
+        loss = np.ones(len(rest)) if np.isinf(scale) else cauchy_weights(rest, CAUCHY_WIDTH * scale)
         weighted = terms * (weights**2 * loss)[:, None]
         unit = 1.0 if np.isinf(scale) else scale**2
         information = terms.T @ weighted + np.diag(held * unit)

@@ -11,29 +11,27 @@ from services.geometry.focal_prior import FOCAL
 from services.geometry.homographies import transform_points
 from services.order_statistics import median_along
 from services.robust import robust_scale
-from services.sheet.developable.observations import ObservationParameters
+from services.sheet.developable.observations import MARGIN_DEVIATION, ObservationParameters
 from services.sheet.tracing.baselines import Baselines, Paragraph, find_margins, group_alike, group_paragraphs
+
+# Standard deviations of the observations of a flat page.
+FLOW_FLOOR_RAD = np.deg2rad(0.1)
+STROKE_FLOOR_RAD = np.deg2rad(0.3)
+SHARP_TEXT_HEIGHT_PX = 18.0
+"""Below this size of characters in the photo their mean slant varies, by the square of the ratio."""
+BASELINE_FLOOR_RAD = np.deg2rad(0.03)
+SKEW_RAD = np.deg2rad(0.3)
+"""Angle between print and its sheet by printers and copiers; its loss permits a larger one, since print may be
+slanted on purpose."""
 
 
 @dataclass(frozen=True, slots=True)
 class RefinementParameters(ObservationParameters):
     """Standard deviations of the observations of a flat page."""
 
-    flow_floor_rad: float = np.deg2rad(0.1)
-    stroke_floor_rad: float = np.deg2rad(0.3)
-    sharp_text_height_px: float = 18.0
-    baseline_floor_rad: float = np.deg2rad(0.03)
     baseline_factor: float = 1.0
-    spacing_alike: float = 0.05
     believable_focal: float = FOCAL.believable
     """Infinite where the focal length is kept at the typical one already."""
-    skew_rad: float = np.deg2rad(0.3)
-    """Angle between print and its sheet by printers and copiers; its loss permits a larger one, since print may be
-    slanted on purpose."""
-    side_scale: float = 3.0
-    """Scale of Cauchy's loss of the sheet's sides, in their deviations. A side that is 6 degrees off costs 60: as much
-    as a dozen lines of text that are off by four deviations, so that four sides outweigh a few words, but not a page
-    of text."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,8 +52,7 @@ class FlatObservations:
 def for_text(text_height_px: float) -> RefinementParameters:
     """Parameters for characters of this size in the photo: the apparent slant of small, blurred type varies more."""
     p = RefinementParameters()
-    blurred = max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
-    return replace(p, slant_rad=p.slant_rad * blurred)
+    return replace(p, slant_rad=p.slant_rad * max(1.0, (SHARP_TEXT_HEIGHT_PX / text_height_px) ** 2))
 
 
 def rescale_deviations(parameters: RefinementParameters, scales: tuple[float, float]) -> RefinementParameters:
@@ -76,7 +73,7 @@ def observe_lines(
     p = parameters
     paragraphs = group_paragraphs(lines)
     length = np.maximum(lines.ends[:, 0] - lines.starts[:, 0], 1e-9)
-    slope = p.baseline_factor * np.maximum(np.sqrt(2) * lines.deviations / length, p.baseline_floor_rad)
+    slope = p.baseline_factor * np.maximum(np.sqrt(2) * lines.deviations / length, BASELINE_FLOOR_RAD)
     margins = [(group, side) for side in ("left", "right") for group in find_margins(lines, side)]
     y = 0.5 * (lines.starts[:, 1] + lines.ends[:, 1])
     spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
@@ -87,7 +84,7 @@ def observe_lines(
         lines.heights / length,
         paragraphs,
         margins,
-        group_alike(spacings, p.spacing_alike),
+        group_alike(spacings),
     )
 
 
@@ -147,7 +144,7 @@ class LineTerms:
             median_along(o.relative_heights * length, -1)[..., None] if len(o.starts) else np.ones(1)
         )
         x = np.where(self._left, a[..., self._ends, 0], b[..., self._ends, 0])
-        margins = (x - _medians(x, self._margin)[..., self._margin]) / (p.margin * text_height)
+        margins = (x - _medians(x, self._margin)[..., self._margin]) / (MARGIN_DEVIATION * text_height)
         slopes = np.arctan2(delta[..., 1], np.abs(delta[..., 0])) / o.slope_deviations
         return LineResiduals(slopes, np.concatenate([uneven, unlike], axis=-1), margins)
 

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from services.arrays import Floats, Vector
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.planar import PagePlane
-from services.sheet.plane.straight_lines import StraightLines, fit_line_plane, sheet_aspect
+from services.sheet.plane.straight_lines import HELD, StraightLines, fit_line_plane, sheet_aspect
 
 SHARES: tuple[tuple[str, float, float], ...] = (
     ("a4", 210 / 297, 0.42),
@@ -31,21 +31,16 @@ OTHER_RANGE = 2 * math.log(3.0)
 """Other sheets are up to three times as long as wide, upright or not: the range of the logarithm of their aspect."""
 NODES, REACH = 7, 3.0
 """Focal lengths at which the sides are fitted, and how far these reach, in deviations of the prior."""
-HELD = 1e-4
-"""Deviation of the logarithm of a focal length that is held."""
 STEPS = 601
 """Focal lengths to which the curves are interpolated: steps of 0.0025 in the logarithm."""
 
 
-@dataclass(frozen=True, slots=True)
-class FormatParameters:
-    """When a format decides."""
-
-    cut: float = 0.002
-    """Deviation of the logarithm of a sheet's aspect from that of its format: 0.4 mm on A4."""
-    clear: float = 0.7
-    """Probability from which on a format is taken: of simulated sheets of a format, nine in ten are then those of this
-    one, of less probable ones three in ten."""
+# When a format decides.
+CUT = 0.002
+"""Deviation of the logarithm of a sheet's aspect from that of its format: 0.4 mm on A4."""
+CLEAR_PROBABILITY = 0.7
+"""Probability from which on a format is taken: of simulated sheets of a format, nine in ten are then those of this
+one, of less probable ones three in ten."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,11 +69,7 @@ class AspectBelief:
 
 
 def weigh_formats(
-    lines: StraightLines,
-    prior: FocalPrior,
-    start: PagePlane,
-    noise: float,
-    parameters: FormatParameters | None = None,
+    lines: StraightLines, prior: FocalPrior, start: PagePlane, noise: float
 ) -> AspectBelief | None:
     """What the formats say of the sheet between the four `lines`; None where most focal lengths fit no rectangle.
 
@@ -93,7 +84,6 @@ def weigh_formats(
     noise
         Deviation of the logarithm of the aspect under a known focal length.
     """
-    p = parameters or FormatParameters()
     curve = _curve(lines, prior, start)
     if curve is None:
         return None
@@ -104,13 +94,13 @@ def weigh_formats(
     formats = np.concatenate([upright, -upright])[:, None]
     shares = np.array([share / 2 for _, _, share in SHARES] * 2)[:, None]
     # The likelihood of each focal length, under each format (rows) and under any other aspect (last row).
-    of_formats = shares * weights * _normal(log_aspects - formats, math.hypot(noise, p.cut))
+    of_formats = shares * weights * _normal(log_aspects - formats, math.hypot(noise, CUT))
     joint = np.vstack([of_formats, OTHER_SHARE / OTHER_RANGE * weights])
     joint /= joint.sum()
     likely = int(np.argmax(joint[:-1].sum(axis=1)))
     probability = float(joint[likely].sum())
     needed = None
-    if probability >= p.clear:
+    if probability >= CLEAR_PROBABILITY:
         middle = float(joint[likely] @ log_focals) / probability
         variance = float(joint[likely] @ (log_focals - middle) ** 2) / probability
         needed = FocalPrior(middle, math.sqrt(variance), prior.source, prior.of_diagonal)

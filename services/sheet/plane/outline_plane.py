@@ -11,10 +11,12 @@ from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import MAX_TILT_RAD, PagePlane
 from services.geometry.sheet_aspect import SheetAspect
-from services.robust import cauchy_weights, robust_scale
-from services.sheet.outline.results import LEAST_CONFIDENCE, SheetOutline, SheetSide
+from services.robust import CAUCHY_WIDTH, cauchy_weights, robust_scale
+from services.sheet.outline.results import LEAST_POINTS, SheetOutline, SheetSide
 from services.sheet.plane.known_formats import AspectBelief, weigh_formats
 from services.sheet.plane.straight_lines import (
+    HELD,
+    OFF_CENTRE,
     LinePlane,
     StraightLines,
     along_axes,
@@ -28,43 +30,38 @@ from services.sheet.shape import NoShape
 
 LINE_FITS = 8
 """Reweighted fits of a side's line; the weights then change no more."""
-HELD_FOCAL = 1e-3
-"""Deviation of the logarithm of a focal length that is held."""
 SQUARE_SIZE = 0.05
 """Half the side of the square by which scales are compared, centred units: small against the perspective."""
+
+
+# Which sides are used, and when their plane is accepted. Lengths are shares of the side's length.
+MIN_SEEN = 0.25
+"""If a smaller share of a side is seen, the other sides show its direction better."""
+OVERLAP = 4.0
+"""Neighbouring points of an edge share pixels and the paper's waves: this many count as one."""
+BEND_SHARE = 0.5
+"""Standard deviation of a side's ends from the line of a straight side, as a share of its bend."""
+CUT_RAD = 1e-3
+"""A sheet's corners are right angles to 0.06 degrees (0.3 mm on A4), and lenses bend lines as much."""
+CROPPED_COST = 9.0
+"""A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
+STRAIGHT_BEND = 0.01
+"""Sides that are bent further show neither that the sheet is flat nor that the photo was cropped."""
+MAX_ASPECT = 8.0
+"""Longer sheets than receipts."""
+CERTAIN_ASPECT = 0.004
+"""Deviation of the logarithm of the aspect up to which the photo shows it, and no format is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutlinePlaneParameters:
     """Which sides are used, and when their plane is accepted. Lengths are shares of the side's length."""
 
-    min_points: int = 8
-    min_seen: float = 0.25
-    """If a smaller share of a side is seen, the other sides show its direction better."""
     max_bend: float = 0.03
     """RMS distance from the best line: a side that is bent further shows little of the plane."""
-    overlap: float = 4.0
-    """Neighbouring points of an edge share pixels and the paper's waves: this many count as one."""
-    bend_share: float = 0.5
-    """Standard deviation of a side's ends from the line of a straight side, as a share of its bend."""
-    cut_rad: float = 1e-3
-    """A sheet's corners are right angles to 0.06 degrees (0.3 mm on A4), and lenses bend lines as much."""
-    loss_scale: float = 3.0
-    """Scale of Cauchy's loss of the line fit, in deviations: a thumb or a dog-ear covers part of a side."""
     max_misfit_rad: float = float(np.deg2rad(1.5))
     """RMS angle that the sides leave to the best rectangle."""
-    off_centre: float = 0.15
-    """Deviation of the principal point of a photo that was cropped, in half diagonals: where a quarter of the width
-    is cut from one side."""
     max_off_centre: float = 0.35
-    cropped_cost: float = 9.0
-    """A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
-    straight_bend: float = 0.01
-    """Sides that are bent further show neither that the sheet is flat nor that the photo was cropped."""
-    max_aspect: float = 8.0
-    """Longer sheets than receipts."""
-    certain_aspect: float = 0.004
-    """Deviation of the logarithm of the aspect up to which the photo shows it, and no format is asked for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,12 +152,12 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
     points, deviations = side.points, np.maximum(side.deviations, 1e-6)
     known = np.isfinite(points).all(axis=1) & np.isfinite(deviations)
     points, deviations = points[known], deviations[known]
-    if len(points) < p.min_points or side.seen < p.min_seen:
+    if len(points) < LEAST_POINTS or side.seen < MIN_SEEN:
         return None
     weights = 1 / deviations**2
     middle, along, off = _weighted_line(points, weights)
     for _ in range(LINE_FITS):
-        scale = p.loss_scale * np.maximum(deviations, robust_scale(off))
+        scale = CAUCHY_WIDTH * np.maximum(deviations, robust_scale(off))
         weights = cauchy_weights(off, scale) / deviations**2
         middle, along, off = _weighted_line(points, weights)
     place = (points - middle) @ along
@@ -169,10 +166,10 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
     bend = float(np.sqrt(np.average(off**2, weights=weights)))
     if bend > p.max_bend * length or reach <= 0:
         return None
-    count = max(float(weights.sum() ** 2 / (weights**2).sum()) / p.overlap, 1.0)
+    count = max(float(weights.sum() ** 2 / (weights**2).sum()) / OVERLAP, 1.0)
     noise = max(float(np.sqrt(len(points) / (1 / deviations**2).sum())), bend) * np.sqrt(2 / count)
-    cut = p.cut_rad * 2 * reach / np.sqrt(2)
-    deviation = float(np.sqrt(noise**2 + (p.bend_share * bend) ** 2 + cut**2))
+    cut = CUT_RAD * 2 * reach / np.sqrt(2)
+    deviation = float(np.sqrt(noise**2 + (BEND_SHARE * bend) ** 2 + cut**2))
     return middle - reach * along, middle + reach * along, deviation
 
 
@@ -197,12 +194,12 @@ def read_sides(
     sides, the focal length is the prior's. The sheet is not turned: its top side is at the top of the photo.
     """
     p = parameters or OutlinePlaneParameters()
-    if outline is None or outline.confidence < LEAST_CONFIDENCE:
+    if outline is None:
         return None
     lines = side_lines(outline, view, p)
     if len(lines) == 0:
         return None
-    straight = len(lines) == 4 and max(map(_bend, outline.sides)) < p.straight_bend
+    straight = len(lines) == 4 and max(map(_bend, outline.sides)) < STRAIGHT_BEND
     off = None
     if straight and view.principal_point_px is None:
         off = _principal_point(lines, prior, p)
@@ -219,10 +216,10 @@ def _sides_of_lines(
     plane = plane_from_lines(lines, prior, p)
     if isinstance(plane, NoShape):
         return SheetSides(view, lines, None, straight, plane.reason)
-    unseen = straight and prior.source == "assumed" and plane.log_aspect_deviation > p.certain_aspect
+    unseen = straight and prior.source == "assumed" and plane.log_aspect_deviation > CERTAIN_ASPECT
     if not unseen:
         return SheetSides(view, lines, plane, straight)
-    held = FocalPrior(math.log(plane.plane.focal), HELD_FOCAL, prior.source)
+    held = FocalPrior(math.log(plane.plane.focal), HELD, prior.source)
     noise = _aspect_deviation(fit_line_plane(lines, held, plane.plane), lines, held)
     belief = weigh_formats(lines, prior, plane.plane, noise)
     if belief is not None and belief.prior is not None:
@@ -237,11 +234,11 @@ def _principal_point(lines: StraightLines, prior: FocalPrior, p: OutlinePlanePar
     if start is None:
         return None
     centred = fit_line_plane(lines, prior, start)
-    if centred.cost < p.cropped_cost:
+    if centred.cost < CROPPED_COST:
         return None
     usual = start_plane(lines, replace(prior, source="given"))
-    point, cost = fit_principal_point(lines, prior, usual or start, p.off_centre)
-    if centred.cost - cost < p.cropped_cost or float(np.hypot(*point)) > p.max_off_centre:
+    point, cost = fit_principal_point(lines, prior, usual or start, OFF_CENTRE)
+    if centred.cost - cost < CROPPED_COST or float(np.hypot(*point)) > p.max_off_centre:
         return None
     return point
 
@@ -269,7 +266,7 @@ def plane_from_lines(
     if float(np.arccos(np.clip(abs(fit.plane.rotation[2, 2]), 0.0, 1.0))) > MAX_TILT_RAD:
         return NoShape("it is seen from too low an angle")
     aspect = sheet_aspect(fit.plane, lines)
-    if aspect is not None and not 1 / p.max_aspect < aspect < p.max_aspect:
+    if aspect is not None and not 1 / MAX_ASPECT < aspect < MAX_ASPECT:
         return NoShape("it is too narrow for a sheet")
     deviation = _aspect_deviation(fit, lines, prior)
     return OutlinePlane(fit.plane, lines, aspect, deviation, fit.log_focal_deviation, misfit)

@@ -1,33 +1,24 @@
 """Planar or curved (dissertation 3.2.2): do the tangents of each flow meet in one point?"""
 
-from dataclasses import dataclass
 from typing import Literal
 
 from services.contract.rectify import PageKind
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.sheet.evidence import PageEvidence
+from services.texture_flow.minor import blur_of_strokes
+
+# Limits of S3/S1 below which the tangent lines count as convergent, the tighter one for the major flow.
+MAJOR_LIMIT = 0.010
+MINOR_LIMIT = 0.040
 
 
-@dataclass(frozen=True, slots=True)
-class PlanarityParameters:
-    """Limits of S3/S1 below which the tangent lines count as convergent, the tighter one for the major flow."""
-
-    major_limit: float = 0.010
-    minor_limit: float = 0.040
-    sharp_text_height_px: float = 22.0
-    """Below this size of characters in the photo, stroke directions have larger errors, by the square of the ratio."""
-
-
-def discriminate_surface(
-    points: FlowVanishingPoints, text_height_px: float, parameters: PlanarityParameters | None = None
-) -> Literal["planar", "curved"]:
+def discriminate_surface(points: FlowVanishingPoints, text_height_px: float) -> Literal["planar", "curved"]:
     """Curved when either flow's tangent lines have full rank, else planar.
 
     `text_height_px` is the size of characters in the photo, which the minor flow's roughness depends on.
     """
-    p = parameters or PlanarityParameters()
-    minor_limit = p.minor_limit * max(1.0, (p.sharp_text_height_px / text_height_px) ** 2)
-    converges = points.horizontal.convergence <= p.major_limit and points.vertical.convergence <= minor_limit
+    minor_limit = MINOR_LIMIT * blur_of_strokes(text_height_px)
+    converges = points.horizontal.convergence <= MAJOR_LIMIT and points.vertical.convergence <= minor_limit
     return "planar" if converges else "curved"
 
 

@@ -1,7 +1,6 @@
 """Choice of the pose by the evidence: refined, closed form, or a rotation within the photo without tilt."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.refinement import RefinedPlane, joint_cost, refine_plane
 from services.sheet.plane.straight_lines import StraightLines, along_axes, side_directions
 from services.sheet.shape import EXIF_CONTRADICTED, ShapeSource
+from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO
 from services.texture_flow.field import FlowSamples, angle_difference, mean_deviation
 
 TEXT_BELIEVED = Notice(
@@ -37,39 +37,35 @@ SMALL_DEVIATION_RAD = 1e-4
 """Deviations of the flows that differ by less are equal."""
 
 
+# When a pose is accepted.
+GAIN = 0.9
+MINOR_SHARE = 0.3
+"""Weight of the deviation of the minor flow; that of the major flow is 1."""
+ASPECT_DEVIATION = 0.03
+"""Above this the width-to-height ratio is called uncertain."""
+SIDE_DEVIATIONS = 4.0
+SIDE_RAD = np.deg2rad(1.0)
+"""A side of the sheet that is off by more than both disagrees with the text."""
+LEVEL_RAD = np.deg2rad(0.5)
+"""Nine of ten lines of a view that are less inclined than this are found alike in a better view: `detect_baselines`
+holds for a degree."""
+TEXT_RAD = np.deg2rad(1.5)
+"""If the plane of the sheet's sides leaves the text lines less level than another plane by this, text and sides
+disagree."""
+STRAY_RAD = np.deg2rad(8.0)
+"""If the plane of the sheet's sides leaves the lines less level than this on average, they are drawings or the
+grain of a desk. Text lines of bent and crumpled sheets are within 3 degrees."""
+ASLANT_RAD = np.deg2rad(5.0)
+"""A larger angle between the print and its sheet is reported as a warning."""
+FEW_LINES = 6
+
+
 @dataclass(frozen=True, slots=True)
 class PoseParameters:
     """When a pose is accepted."""
 
-    max_magnification_ratio: float = 6.0
-    """Largest over smallest enlargement over the text; a page at 60 degrees just reaches it."""
-    gain: float = 0.9
-    curved_gain: float = 0.6
-    """A tilt must bring the flows' mean deviation below this share of that without tilt, and further on a
-    curved page, whose vanishing points mean little."""
-    minor_share: float = 0.3
-    """Weight of the deviation of the minor flow; that of the major flow is 1."""
-    aspect_deviation: float = 0.03
-    """Above this the width-to-height ratio is called uncertain."""
-    side_deviations: float = 4.0
-    side_rad: float = np.deg2rad(1.0)
-    """A side of the sheet that is off by more than both disagrees with the text."""
     rounds: int = 2
     """Fits to traced text lines: one starts from the closed form, and another one traces lines in its view."""
-    level_rad: float = np.deg2rad(0.5)
-    """Nine of ten lines of a view that are less inclined than this are found alike in a better view: `detect_baselines`
-    holds for a degree."""
-    text_rad: float = np.deg2rad(1.5)
-    """If the plane of the sheet's sides leaves the text lines less level than another plane by this, text and sides
-    disagree."""
-    stray_rad: float = np.deg2rad(8.0)
-    """If the plane of the sheet's sides leaves the lines less level than this on average, they are drawings or the
-    grain of a desk. Text lines of bent and crumpled sheets are within 3 degrees."""
-    aslant_rad: float = np.deg2rad(5.0)
-    """A larger angle between the print and its sheet is reported as a warning."""
-    few_lines: int = 6
-    few_aslant_rad: float = np.deg2rad(1.5)
-    """Fewer lines of text than `few_lines` do not turn the view further against its sheet."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -121,7 +117,7 @@ def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParamete
     enlargement = np.sqrt(np.abs(np.linalg.det(jacobians(H, text_points))))
     low, high = np.percentile(enlargement, [STRAY_PERCENT, 100.0 - STRAY_PERCENT])
     tilt = float(np.arccos(np.clip(abs(plane.rotation[2, 2]), 0.0, 1.0)))
-    return bool(high < parameters.max_magnification_ratio * low and tilt < MAX_TILT_RAD)
+    return bool(high < MAX_MAGNIFICATION_RATIO * low and tilt < MAX_TILT_RAD)
 
 
 def refine_pose(
@@ -143,7 +139,7 @@ def refine_pose(
         if number + 1 == p.rounds or not is_plausible(found.plane, e.characters, p):
             break
         parameters, start = rescale_deviations(parameters, found.scales), found.plane
-        if not flat.baselines.level_within(p.level_rad):
+        if not flat.baselines.level_within(LEVEL_RAD):
             flat = flatten_text(e.text, e.view, start)
     return found, flat
 
@@ -188,13 +184,12 @@ def refine_with_sides(
 def sides_agree(refined: RefinedPlane, sides: StraightLines, p: PoseParameters) -> bool:
     """Whether all of the sheet's sides lie along the page's axes, as far as they are known."""
     off = np.abs(side_directions(refined.plane, sides, refined.skew_rad))
-    return bool((off < np.maximum(p.side_rad, p.side_deviations * sides.direction_deviations_rad)).all())
+    return bool((off < np.maximum(SIDE_RAD, SIDE_DEVIATIONS * sides.direction_deviations_rad)).all())
 
 
 def choose_pose(
     evidence: PageEvidence,
     prior: FocalPrior,
-    kind: Literal["planar", "curved"],
     parameters: PoseParameters | None = None,
     sheet: SheetSides | None = None,
 ) -> PlanarPage:
@@ -206,8 +201,6 @@ def choose_pose(
         Text, flows and vanishing points.
     prior
         Of the focal length.
-    kind
-        Whether the flows converge (3.2.2).
     parameters
         Limits of what is accepted.
     sheet
@@ -234,8 +227,7 @@ def choose_pose(
         sheet = None if sheet is None else sheet.under(prior)
         refined, flat, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
     plane = refined.plane
-    gain = p.curved_gain if kind == "curved" else p.gain
-    gentle = flow_deviation(level, major, minor, p.minor_share)
+    gentle = flow_deviation(level, major, minor, MINOR_SHARE)
     trusted = agree and sheet is not None and sheet.plane is not None
     if not is_plausible(plane, characters, p):
         plane, trusted = level, False
@@ -246,8 +238,7 @@ def choose_pose(
             )
         )
     elif (
-        not trusted
-        and flow_deviation(plane, major, minor, p.minor_share) > gain * gentle + SMALL_DEVIATION_RAD
+        not trusted and flow_deviation(plane, major, minor, MINOR_SHARE) > GAIN * gentle + SMALL_DEVIATION_RAD
     ):
         plane = level
         notices.append(
@@ -262,7 +253,7 @@ def choose_pose(
         plane, sources, skew = by_sides.plane, ("outline",), 0.0
     aspect = sheet.aspect_in(plane) if trusted and sheet is not None else None
     uncertain = refined.log_aspect_deviation if aspect is None else aspect.log_deviation
-    if uncertain > p.aspect_deviation and prior.source == "assumed" and plane is not level:
+    if uncertain > ASPECT_DEVIATION and prior.source == "assumed" and plane is not level:
         by_format = aspect is not None and sheet is not None and sheet.focal_prior(prior) is not prior
         notices.append(aspect_uncertain(uncertain, by_format=by_format))
     if sheet is not None:
@@ -276,7 +267,7 @@ def choose_pose(
         prior.source if plane is level else prior.source_beside(refined.log_focal_deviation),
         tuple(notices),
         refined.lines,
-        flow_deviation(plane, major, minor, p.minor_share),
+        flow_deviation(plane, major, minor, MINOR_SHARE),
         sources,
         trusted and sheet is not None and sheet.straight,
         skew,
@@ -300,8 +291,8 @@ def aspect_uncertain(log_deviation: float, *, by_format: bool = False) -> Notice
 
 def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> bool:
     """Whether the lines found on a sheet are not text, or too few to turn the view against the sides of the sheet."""
-    aslant = abs(refined.skew_rad) > p.few_aslant_rad and refined.lines < p.few_lines
-    return deviation_rad > p.stray_rad or aslant
+    aslant = abs(refined.skew_rad) > TEXT_RAD and refined.lines < FEW_LINES
+    return deviation_rad > STRAY_RAD or aslant
 
 
 def disagreement(
@@ -310,9 +301,9 @@ def disagreement(
     """Notices if text and outline disagree; the deviation (rad) of the text is `lines`, and `without` the sides."""
     if not trusted:
         return [TEXT_BELIEVED] if sheet.plane is not None else []
-    if lines > without + p.text_rad or is_stray(refined, lines, p):
+    if lines > without + TEXT_RAD or is_stray(refined, lines, p):
         return [EDGES_BELIEVED]
-    if abs(refined.skew_rad) > p.aslant_rad:
+    if abs(refined.skew_rad) > ASLANT_RAD:
         return [
             Notice(
                 "outline-disagrees",

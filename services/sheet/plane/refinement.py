@@ -20,8 +20,16 @@ from services.geometry.focal_prior import FOCAL, MAX_FOCAL, MIN_FOCAL, FocalPrio
 from services.geometry.homographies import jacobians, transform_points, translation
 from services.geometry.planar import PagePlane
 from services.geometry.vanishing_points import FlowVanishingPoints
-from services.robust import cauchy, soft_l1
-from services.sheet.plane.flat_lines import FlatObservations, LineTerms, RefinementParameters
+from services.robust import CAUCHY_WIDTH, cauchy, soft_l1
+from services.sheet.developable.observations import FLOW_OVERLAP, SLANT_MEAN_RAD, STROKE_OVERLAP, TILT_RAD
+from services.sheet.plane.flat_lines import (
+    FLOW_FLOOR_RAD,
+    SKEW_RAD,
+    STROKE_FLOOR_RAD,
+    FlatObservations,
+    LineTerms,
+    RefinementParameters,
+)
 from services.sheet.plane.straight_lines import StraightLines, side_directions, side_skew
 from services.texture_flow.field import FlowSamples
 
@@ -89,15 +97,15 @@ def observe_flows(
     major: FlowSamples, minor: FlowSamples, points: FlowVanishingPoints, p: RefinementParameters
 ) -> FlowObservations:
     """Flow observations, with deviations by how well the tangents of each flow meet in its vanishing point."""
-    major_spread = float(np.hypot(p.flow_floor_rad, points.horizontal.residual_rad))
-    minor_spread = float(np.hypot(p.stroke_floor_rad, points.vertical.residual_rad))
+    major_spread = float(np.hypot(FLOW_FLOOR_RAD, points.horizontal.residual_rad))
+    minor_spread = float(np.hypot(STROKE_FLOOR_RAD, points.vertical.residual_rad))
     return FlowObservations(
         major,
         minor,
         np.stack([np.cos(major.angles), np.sin(major.angles)], axis=1),
         np.stack([np.cos(minor.angles), np.sin(minor.angles)], axis=1),
-        np.sqrt(p.flow_overlap / np.maximum(major.weights, LEAST_WEIGHT)) * major_spread,
-        np.sqrt(p.stroke_overlap / np.maximum(minor.weights, LEAST_WEIGHT)) * minor_spread,
+        np.sqrt(FLOW_OVERLAP / np.maximum(major.weights, LEAST_WEIGHT)) * major_spread,
+        np.sqrt(STROKE_OVERLAP / np.maximum(minor.weights, LEAST_WEIGHT)) * minor_spread,
     )
 
 
@@ -106,8 +114,8 @@ def side_residuals(
 ) -> Vector:
     """Residuals (N + 1,) under Cauchy's loss of the sheet's sides and of the skew."""
     off = side_directions(plane, sides, skew_rad) / sides.direction_deviations_rad
-    skew = np.array([skew_rad / p.skew_rad])
-    return np.concatenate([p.side_scale * cauchy(off / p.side_scale)[0], cauchy(skew)[0]])
+    skew = np.array([skew_rad / SKEW_RAD])
+    return np.concatenate([CAUCHY_WIDTH * cauchy(off / CAUCHY_WIDTH)[0], cauchy(skew)[0]])
 
 
 def joint_cost(
@@ -196,9 +204,9 @@ def refine_plane(
         growth = 0.0 if principal_point is None else principal_point.log_growth(x[5:7])[0]
         focal_and_slant = [
             (x[3] - prior.log_focal - growth) / prior.deviation,
-            (x[4] - p.slant_mean_rad) / p.slant_rad,
+            (x[4] - SLANT_MEAN_RAD) / p.slant_rad,
         ]
-        parts = [np.array(focal_and_slant), tilt(x) / p.tilt_rad]
+        parts = [np.array(focal_and_slant), tilt(x) / TILT_RAD]
         if sides is not None and has_sides:
             parts.append(side_residuals(plane_of(x), sides, float(x[5]), p))
         if principal_point is not None:
@@ -214,7 +222,7 @@ def refine_plane(
         found = residuals_at(np.concatenate([x[None], x + np.diag(steps)]))
         return np.asarray((found[1:] - found[0]).T / steps)
 
-    x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), p.slant_mean_rad])
+    x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), SLANT_MEAN_RAD])
     x_scale = [TURN_STEP_RAD, TURN_STEP_RAD, TURN_STEP_RAD, FOCAL_STEP, TURN_STEP_RAD]
     if sides is not None and has_sides:
         x0 = np.append(x0, side_skew(start, sides))

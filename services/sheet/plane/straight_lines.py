@@ -26,6 +26,11 @@ from services.geometry.planar import PagePlane
 
 Upright = NDArray[np.bool_]
 MAX_STEPS = 60
+HELD = 1e-4
+"""Deviation of an unknown that is held: the logarithm of a focal length, a coordinate of the principal point."""
+OFF_CENTRE = 0.2
+"""Deviation of the principal point of a cropped photo, in half diagonals: a quarter cut from one side moves it by
+0.17."""
 SMALL_STEP = 1e-10
 FIRST_DAMPING, DAMPING_FALL, DAMPING_RISE = 1e-6, 0.2, 10.0
 """Levenberg-Marquardt: relative to the diagonal; after a step that helps, and after one that does not."""

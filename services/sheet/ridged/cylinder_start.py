@@ -19,22 +19,19 @@ from services.sheet.ridged.start import LEAST_ROWS, MOST_ROWS, measure_bow
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
-@dataclass(frozen=True, slots=True)
-class CylinderParameters:
-    """When two sides are rulings, and how the curves and the focal length are found."""
-
-    straighter: float = 0.4
-    """Of the bow of the bent sides: the largest one of straight sides."""
-    order: int = 4
-    """Of the polynomial that is a side's bow over t (1 - t)."""
-    ridge: float = 1e-3
-    samples: int = 121
-    """Rulings."""
-    even: float = 0.003
-    """Deviation of a bent side from a plane at right angles to the rulings, over their length."""
-    focal_steps: int = 25
-    focal_reach: float = 2.0
-    """Of the prior's deviations, and at most a factor of e^0.5: range of focal lengths that are tried."""
+# When two sides are rulings, and how the curves and the focal length are found.
+STRAIGHTER = 0.4
+"""Of the bow of the bent sides: the largest one of straight sides."""
+ORDER = 4
+"""Of the polynomial that is a side's bow over t (1 - t)."""
+RIDGE = 1e-3
+SAMPLES = 121
+"""Rulings."""
+EVEN = 0.003
+"""Deviation of a bent side from a plane at right angles to the rulings, over their length."""
+FOCAL_STEPS = 25
+FOCAL_REACH = 2.0
+"""Of the prior's deviations, and at most a factor of e^0.5: range of focal lengths that are tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,46 +64,45 @@ def cylinder_between_sides(
     `corners` (4, 2), centred, are clockwise from the page's top left, `sides` the points (N, 2) of top, right, bottom
     and left. The focal length is that near the prior one at which the bent sides lie across the rulings.
     """
-    p = CylinderParameters()
     H = cv2.getPerspectiveTransform(SQUARE.astype(np.float32), corners.astype(np.float32)).astype(np.float64)
     if (SQUARE @ H[2, :2] + H[2, 2] <= 0).any() or np.linalg.det(H[:, :2][:2]) <= 0:
         return None
     back = np.linalg.inv(H)
-    bows = [_smooth(*measure_bow(back, side, k), p) for k, side in enumerate(sides)]
+    bows = [_smooth(*measure_bow(back, side, k)) for k, side in enumerate(sides)]
     sizes = [float(np.sqrt(np.mean(bow**2))) for bow in bows]
     down, across = max(sizes[1], sizes[3]), max(sizes[0], sizes[2])
     lengthwise = down > across
-    if min(down, across) > p.straighter * max(down, across):
+    if min(down, across) > STRAIGHTER * max(down, across):
         return None
-    t = np.linspace(0, 1, p.samples)
+    t = np.linspace(0, 1, SAMPLES)
     if lengthwise:  # the rulings run along the text: from the left side to the right one
         ends = np.column_stack([bows[3], t]), np.column_stack([1 + bows[1], t])
     else:
         ends = np.column_stack([t, bows[0]]), np.column_stack([t, 1 + bows[2]])
     first, second = (transform_points(H, end) for end in ends)
-    reach = min(p.focal_reach * log_focal_deviation, 0.5)
+    reach = min(FOCAL_REACH * log_focal_deviation, 0.5)
     best, focal, least = None, 1.0, np.inf
-    for tried in log_focal + reach * np.linspace(-1, 1, p.focal_steps):
-        section = _section(first / np.exp(tried), second / np.exp(tried), p)
+    for tried in log_focal + reach * np.linspace(-1, 1, FOCAL_STEPS):
+        section = _section(first / np.exp(tried), second / np.exp(tried))
         if section is not None:
-            cost = (section.unevenness / p.even) ** 2 + ((tried - log_focal) / log_focal_deviation) ** 2
+            cost = (section.unevenness / EVEN) ** 2 + ((tried - log_focal) / log_focal_deviation) ** 2
             if cost < least:
                 best, focal, least = section, float(np.exp(tried)), cost
     return None if best is None else _mesh(best, focal, cells, lengthwise=lengthwise)
 
 
-def _smooth(places: Vector, bow: Vector, p: CylinderParameters) -> Vector:
+def _smooth(places: Vector, bow: Vector) -> Vector:
     """The bow of a side at evenly spaced places (N,), a polynomial that is zero at the corners."""
 
     def terms(t: Vector) -> Floats:
-        return (t * (1 - t))[:, None] * np.polynomial.chebyshev.chebvander(2 * t - 1, p.order)
+        return (t * (1 - t))[:, None] * np.polynomial.chebyshev.chebvander(2 * t - 1, ORDER)
 
     A = terms(places)
-    weights = np.linalg.solve(A.T @ A + p.ridge * np.eye(A.shape[1]), A.T @ bow)
-    return np.asarray(terms(np.linspace(0, 1, p.samples)) @ weights)
+    weights = np.linalg.solve(A.T @ A + RIDGE * np.eye(A.shape[1]), A.T @ bow)
+    return np.asarray(terms(np.linspace(0, 1, SAMPLES)) @ weights)
 
 
-def _section(first: Points, second: Points, p: CylinderParameters) -> _Section | None:
+def _section(first: Points, second: Points) -> _Section | None:
     """Cross-section of the sheet between the ends (N, 2) of its rulings, in coordinates over the focal length.
 
     The ends that belong together are found here; the first and the last ones do. None where no camera sees that.
@@ -131,7 +127,7 @@ def _section(first: Points, second: Points, p: CylinderParameters) -> _Section |
     turn = np.sign(angles[0][-1] - angles[0][0])
     if any((np.diff(turn * each) <= 0).any() for each in angles):
         return None
-    angle = np.linspace(angles[0][0], angles[0][-1], p.samples)
+    angle = np.linspace(angles[0][0], angles[0][-1], SAMPLES)
     before, after = (
         np.interp(turn * angle, turn * each, slope) for each, slope in zip(angles, slopes, strict=True)
     )

@@ -10,7 +10,7 @@ from services.sheet.ridged.blocks import robust, stacked
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.normal_equations import normal_equations
 from services.sheet.ridged.observations import SheetObservations
-from services.sheet.ridged.parameters import RidgedParameters
+from services.sheet.ridged.parameters import EVALUATIONS, MAX_DAMPING, RidgedParameters
 from services.sheet.ridged.residuals import SheetResiduals
 
 
@@ -39,7 +39,7 @@ def _minimize(residuals: SheetResiduals, p: RidgedParameters) -> tuple[Vector, f
     cost, values, jacobian = _linearize(residuals, x)
     equations = normal_equations(jacobian, values, order, border)
     damping, growth, count = 1e-3, 4.0, 1
-    while count < p.evaluations and damping < p.max_damping:
+    while count < EVALUATIONS and damping < MAX_DAMPING:
         diagonal = equations.diagonal
         step = equations.solve(damping * diagonal + 1e-9 * float(diagonal.max()))
         count += 1

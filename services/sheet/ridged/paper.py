@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from services.arrays import Vector
 from services.sheet.ridged.blocks import ResidualBlock, SparseRows
 from services.sheet.ridged.mesh import SheetMesh
-from services.sheet.ridged.parameters import RidgedParameters, Stage
+from services.sheet.ridged.parameters import STRETCH, RidgedParameters, Stage
 
 
 class PaperResiduals:
@@ -28,7 +28,7 @@ class PaperResiduals:
         way = X[b] - X[a]
         length = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
         flat = np.hypot(across, aspect * down)
-        unit = self.mesh.step * self.p.stretch * self.stage.slack
+        unit = self.mesh.step * STRETCH * self.stage.slack
         values = (length - self.mesh.step * flat) / unit
         toward = way / (length * unit)[:, None]
         by_aspect = -self.mesh.step * (aspect * down) ** 2 / (flat * unit)

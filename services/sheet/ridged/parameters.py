@@ -19,40 +19,38 @@ class Stage:
     ridge: float
 
 
+# Standard deviations; lengths are relative to what is named.
+STRETCH = 0.002
+"""Of an edge's length, in steps: paper does not stretch, but a ridge within a cell shortens its edges."""
+LEAST_LINE = 0.02
+"""Text heights, least deviation of a line's point; else it has its own."""
+SPACING = 0.02
+"""Of the step from a line to the next, in line spacings: type is set evenly, but a baseline is seen through
+letters."""
+STROKE_RAD = np.deg2rad(0.8)
+FLOW_RAD = np.deg2rad(1.0)
+"""Of a text line's direction; weights are as for strokes."""
+MARGIN = 0.4
+"""Of a flush end, in text heights."""
+LEAST_SIDE = 0.0006
+"""Photo units, least deviation of a side's point; else it has its own: the side of a sheet is cut as straight as
+that, and not found better."""
+EVALUATIONS = 12
+"""Of each of these fits."""
+MAX_DAMPING = 1e6
+"""Of a step, relative to the diagonal: beyond it no step helps."""
+
+
 @dataclass(frozen=True, slots=True)
 class RidgedParameters:
     """Standard deviations; lengths are relative to what is named."""
 
-    stretch: float = 0.002
-    """Of an edge's length, in steps: paper does not stretch, but a ridge within a cell shortens its edges."""
     bend_rad: float = 0.3
     """Of the angle over the width of the sheet where there is no ridge; a cell has its share."""
-    line: float = 1.0
-    """Of a line's points, in units of their own deviations."""
-    least_line: float = 0.02
-    """Text heights, least deviation of a line's point."""
-    spacing: float = 0.02
-    """Of the step from a line to the next, in line spacings: type is set evenly, but a baseline is seen through
-    letters."""
-    stroke_rad: float = np.deg2rad(0.8)
-    flow_rad: float = np.deg2rad(1.0)
-    """Of a text line's direction; weights are as for strokes."""
-    slant_rad: float = np.deg2rad(0.2)
-    """Mean slant of upright type, clockwise, as the smooth surface takes it."""
-    margin: float = 0.4
-    """Of a flush end, in text heights."""
-    side: float = 1.0
-    """Of an outline's point, in units of its own deviation."""
-    least_side: float = 0.0006
-    """Photo units: the side of a sheet is cut as straight as that, and not found better."""
     schedule: tuple[Stage, ...] = (
         Stage(12, 100.0, 10.0, 30.0),
         Stage(12, 10.0, 3.0, 3.0),
         Stage(24, 1.0, 1.0, 1.0),
     )
-    evaluations: int = 12
-    """Of each of these fits."""
-    max_damping: float = 1e6
-    """Of a step, relative to the diagonal: beyond it no step helps."""
     gain: float = 3e-3
     """Relative decrease of the cost below which a stage ends."""

@@ -17,12 +17,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
-from services.sheet.developable.observations import LineObservations, ObservationParameters
+from services.sheet.developable.observations import SLANT_MEAN_RAD, STROKE_OVERLAP, LineObservations
 from services.sheet.ridged.blocks import ResidualBlock, SparseRows, single_entries
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.paper import PaperResiduals
-from services.sheet.ridged.parameters import RidgedParameters, Stage
+from services.sheet.ridged.parameters import (
+    FLOW_RAD,
+    LEAST_LINE,
+    LEAST_SIDE,
+    MARGIN,
+    SPACING,
+    STROKE_RAD,
+    RidgedParameters,
+    Stage,
+)
 
 FLOW_PROBE = 0.01
 """Photo units from a sample of the flow to the points that show its direction."""
@@ -74,9 +83,9 @@ class SheetResiduals:
         ) / np.maximum(size, 1)
         # A deviation across the line in the photo is one across the rows by the map's local scale at the start.
         height = lines.text_height * float(np.median(across_rows[first])) if len(lines.points) else 1.0
-        self.line_deviation = p.line * np.hypot(lines.deviations * across_rows[first], p.least_line * height)
+        self.line_deviation = np.hypot(lines.deviations * across_rows[first], LEAST_LINE * height)
         self.margin_deviation = (
-            p.margin * lines.text_height * float(np.median(across_columns[self.slices[1]]))
+            MARGIN * lines.text_height * float(np.median(across_columns[self.slices[1]]))
             if len(ends)
             else 1.0
         )
@@ -90,18 +99,15 @@ class SheetResiduals:
         self.stroke_deviation = (
             np.zeros(0)
             if strokes is None
-            else p.stroke_rad
-            * np.sqrt(ObservationParameters().stroke_overlap / np.maximum(strokes.weights, 0.05))
+            else STROKE_RAD * np.sqrt(STROKE_OVERLAP / np.maximum(strokes.weights, 0.05))
         )
         self.flow_deviation = (
             np.zeros(0)
             if observed.flow is None
-            else p.flow_rad
-            * np.sqrt(ObservationParameters().stroke_overlap / np.maximum(observed.flow.weights, 0.05))
+            else FLOW_RAD * np.sqrt(STROKE_OVERLAP / np.maximum(observed.flow.weights, 0.05))
         )
         self.side_deviation = [
-            p.side
-            * np.hypot(side.deviations, p.least_side)
+            np.hypot(side.deviations, LEAST_SIDE)
             * (across_columns if k % 2 else across_rows)[self.slices[4 + k]]
             for k, side in enumerate(sides)
         ]
@@ -122,7 +128,7 @@ class SheetResiduals:
     @property
     def x0(self) -> Vector:
         """The start as a vector of unknowns."""
-        ends = [np.log(self.start.focal), np.log(self.start.aspect), self.p.slant_rad]
+        ends = [np.log(self.start.focal), np.log(self.start.aspect), SLANT_MEAN_RAD]
         return np.concatenate(
             [self.start.nodes.ravel(), self.start_levels, ends, self.start_margins, self.start_spacings]
         )
@@ -199,7 +205,7 @@ class SheetResiduals:
         """Neighbouring lines of a paragraph lie one spacing apart, which paragraphs of like type share."""
         first, second = self._gaps.T
         group = self.spacings_at + self._gap_group
-        scale = 1 / (self.p.spacing * self.start_spacings[self._gap_group])
+        scale = 1 / (SPACING * self.start_spacings[self._gap_group])
         levels = x[self.node_unknowns :]
         values = scale * (levels[second] - levels[first] - x[group])
         columns = np.stack([self.node_unknowns + first, self.node_unknowns + second, group], axis=1)
@@ -302,7 +308,7 @@ class SheetResiduals:
         """Priors of focal length, slant and aspect, the last one weak."""
         at = self.globals_at + np.arange(3)
         deviation = np.array([self.observed.focal_deviation, 1.0, np.deg2rad(0.4)])
-        mean = np.array([self.observed.log_focal, np.log(self.start.aspect), self.p.slant_rad])
+        mean = np.array([self.observed.log_focal, np.log(self.start.aspect), SLANT_MEAN_RAD])
         return ResidualBlock((x[at] - mean) / deviation, single_entries(at, 1 / deviation), 0)
 
 

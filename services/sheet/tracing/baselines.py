@@ -21,19 +21,19 @@ BATCH = 200_000
 """Characters, gaps in the table included, that are fitted at once: bounds the memory."""
 
 
-@dataclass(frozen=True, slots=True)
-class BaselineParameters:
-    """Lengths are multiples of the text height."""
-
-    reach: float = 2.2
-    """A character's right neighbour begins nearer than this (a wide word space)."""
-    drift: float = 0.45
-    """Bottoms of neighbours differ by less, unless one has a descender."""
-    size_ratio: float = 3.0
-    min_characters: int = 6
-    min_length: float = 6.0
-    baseline_scale: float = 0.08
-    """Scale of Geman and McClure's loss of the baseline fit; descenders are outliers."""
+# Lengths are multiples of the text height.
+REACH = 2.2
+"""A character's right neighbour begins nearer than this (a wide word space)."""
+DRIFT = 0.45
+"""Bottoms of neighbours differ by less, unless one has a descender."""
+SIZE_RATIO = 3.0
+MIN_CHARACTERS = 6
+MIN_LENGTH = 6.0
+"""Of a line of text, a row or a rule."""
+ALIKE = 0.05
+"""Paragraphs whose spacing differs by less, relatively, have the same."""
+BASELINE_SCALE = 0.08
+"""Scale of Geman and McClure's loss of the baseline fit; descenders are outliers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,25 +80,24 @@ class CharacterRows:
     rows: list[NDArray[np.intp]]
 
 
-def chain_characters(ink: Mask, parameters: BaselineParameters | None = None) -> CharacterRows:
+def chain_characters(ink: Mask) -> CharacterRows:
     """Characters of `ink` (H, W), chained from left to right into text lines."""
-    p = parameters or BaselineParameters()
     stats = label_components(ink).stats[1:]
     box = stats[:, :4].astype(np.float64)
     x0, y0, width, height = box.T
     unit = float(np.median(height[height > 3])) if (height > 3).any() else 0.0
     usable = (height > 0.5 * unit) & (height < 4 * unit) & (width < 40 * unit)
-    if unit == 0.0 or usable.sum() < p.min_characters:
+    if unit == 0.0 or usable.sum() < MIN_CHARACTERS:
         return CharacterRows(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0), [])
     x0, y0, width, height = x0[usable], y0[usable], width[usable], height[usable]
     x1, bottom = x0 + width, y0 + height
-    source, target = _right_neighbours(x0, x1, bottom, height, p)
+    source, target = _right_neighbours(x0, x1, bottom, height)
     n = len(x0)
     graph = coo_array((np.ones(len(source)), (source, target)), shape=(n, n))
     _, label = connected_components(graph, directed=False)
     order = np.argsort(label, kind="stable")
     chains = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
-    rows = [members for members in chains if len(members) >= p.min_characters]
+    rows = [members for members in chains if len(members) >= MIN_CHARACTERS]
     return CharacterRows(x0, x1, y0, bottom, rows)
 
 
@@ -109,17 +108,16 @@ def detect_baselines(ink: Mask) -> Baselines:
 
 def fit_baselines(found: CharacterRows) -> Baselines:
     """Baselines of rows of characters that are straight and horizontal within about a degree."""
-    p = BaselineParameters()
     if not found.rows:
         return _no_lines()
     rows = sorted(found.rows, key=len)
     batches, first = [], 0
     for k in range(1, len(rows) + 1):
         if k == len(rows) or (k + 1 - first) * len(rows[k]) > BATCH:
-            batches.append(_fit_lines(replace(found, rows=rows[first:k]), p))
+            batches.append(_fit_lines(replace(found, rows=rows[first:k])))
             first = k
     table = np.concatenate(batches)
-    table = table[table[:, 2] - table[:, 0] >= p.min_length * table[:, 4]]
+    table = table[table[:, 2] - table[:, 0] >= MIN_LENGTH * table[:, 4]]
     table = table[np.argsort(table[:, 1] + table[:, 3])]
     return Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], table[:, 5])
 
@@ -129,7 +127,7 @@ def _no_lines() -> Baselines:
 
 
 def _right_neighbours(
-    x0: Vector, x1: Vector, bottom: Vector, height: Vector, p: BaselineParameters
+    x0: Vector, x1: Vector, bottom: Vector, height: Vector
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pairs (character, its neighbour to the right on the same line)."""
     unit = float(np.median(height))
@@ -137,7 +135,7 @@ def _right_neighbours(
     tree = cKDTree(np.stack([x0, 2.5 * bottom], axis=1))
     k = min(10, len(x0))
     distance, index = tree.query(
-        np.stack([x1, 2.5 * bottom], axis=1), k=k, distance_upper_bound=p.reach * unit * 2
+        np.stack([x1, 2.5 * bottom], axis=1), k=k, distance_upper_bound=REACH * unit * 2
     )
     found = np.isfinite(distance)
     index = np.where(found, index, 0)
@@ -149,9 +147,9 @@ def _right_neighbours(
         found
         & (gap > -0.6 * unit)
         & (x0[index] > x0[:, None])
-        & (gap < p.reach * np.maximum(smaller, unit))
-        & (rise < p.drift * taller)
-        & (taller < p.size_ratio * smaller)
+        & (gap < REACH * np.maximum(smaller, unit))
+        & (rise < DRIFT * taller)
+        & (taller < SIZE_RATIO * smaller)
     )
     cost = np.where(fits, np.maximum(gap, 0) + 2.5 * rise, np.inf)
     best = np.argmin(cost, axis=1)
@@ -159,7 +157,7 @@ def _right_neighbours(
     return source, index[source, best[source]]
 
 
-def _fit_lines(characters: CharacterRows, p: BaselineParameters) -> Floats:
+def _fit_lines(characters: CharacterRows) -> Floats:
     """Of each line of characters that has one (n, 6): both ends of its baseline, character height, end deviation.
 
     Its slope is the mean of baseline and x-height line: a threshold that thickens strokes moves the two apart,
@@ -179,8 +177,8 @@ def _fit_lines(characters: CharacterRows, p: BaselineParameters) -> Floats:
     spread = np.sqrt((((x - middle[:, None]) * present) ** 2).sum(axis=1) / size)
     spread = np.maximum(spread, 1e-6)
     t = (x - middle[:, None]) / spread[:, None]
-    level, slope, deviation, found = _fit_edges(t, bottom, present, unit, p)
-    _, lean, other, crowned = _fit_edges(t, top, present, unit, p)
+    level, slope, deviation, found = _fit_edges(t, bottom, present, unit)
+    _, lean, other, crowned = _fit_edges(t, top, present, unit)
     agree = crowned & (np.abs(lean - slope) < 4 * np.hypot(deviation, other))
     slope = np.where(agree, 0.5 * (slope + lean), slope)
     deviation = np.where(agree, 0.5 * np.hypot(deviation, other), deviation)
@@ -192,9 +190,7 @@ def _fit_lines(characters: CharacterRows, p: BaselineParameters) -> Floats:
     return np.stack([begin, y[:, 0], end, y[:, 1], unit, deviation * np.hypot(1.0, reach)], axis=1)[found]
 
 
-def _fit_edges(
-    t: Floats, y: Floats, present: Mask, unit: Vector, p: BaselineParameters
-) -> tuple[Vector, Vector, Vector, Mask]:
+def _fit_edges(t: Floats, y: Floats, present: Mask, unit: Vector) -> tuple[Vector, Vector, Vector, Mask]:
     """Level, slope, their deviation, and whether there is one (L,): lines that most points (t, y) of a row lie on.
 
     Rows (L, N) are filled with points that are not `present`; `t` has unit spread in each.
@@ -203,11 +199,11 @@ def _fit_edges(
     y = y - origin[:, None]
     level, slope = _weighted_lines(t, y, present.astype(np.float64))
     for k in range(EDGE_ROUNDS):
-        scale = np.maximum(0.35 * 0.6**k, p.baseline_scale) * unit
+        scale = np.maximum(0.35 * 0.6**k, BASELINE_SCALE) * unit
         rest = y - level[:, None] - slope[:, None] * t
         level, slope = _weighted_lines(t, y, present * geman_mcclure_weights(rest, scale[:, None]))
     rest = y - level[:, None] - slope[:, None] * t
-    near = present & (np.abs(rest) < 3 * p.baseline_scale * unit[:, None])
+    near = present & (np.abs(rest) < 3 * BASELINE_SCALE * unit[:, None])
     count = near.sum(axis=1)
     found = count >= np.maximum(0.4 * present.sum(axis=1), 4)
     rms = np.sqrt((near * rest**2).sum(axis=1) / np.maximum(count, 1))
@@ -283,11 +279,11 @@ def find_margins(
     return groups
 
 
-def group_alike(values: Vector, tolerance: float) -> list[NDArray[np.intp]]:
-    """Groups of at least two numbers of values that differ from the group's least by `tolerance` at most."""
+def group_alike(values: Vector) -> list[NDArray[np.intp]]:
+    """Groups of at least two numbers of values that differ from the group's least by `ALIKE` at most."""
     groups, order, start = [], np.argsort(values), 0
     for k in range(1, len(order) + 1):
-        if k == len(order) or values[order[k]] > (1 + tolerance) * values[order[start]]:
+        if k == len(order) or values[order[k]] > (1 + ALIKE) * values[order[start]]:
             if k - start >= 2:
                 groups.append(order[start:k])
             start = k

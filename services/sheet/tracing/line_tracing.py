@@ -23,6 +23,7 @@ from services.sheet.developable.observations import NO_LINES, LineObservations, 
 from services.sheet.tracing.baselines import (
     BATCH,
     EDGE_ROUNDS,
+    MIN_LENGTH,
     Baselines,
     CharacterRows,
     chain_characters,
@@ -36,22 +37,16 @@ STRAIGHT = 0.04
 """RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
 
 
-@dataclass(frozen=True, slots=True)
-class TracingParameters:
-    """Lengths are multiples of the text height."""
-
-    piece: float = 9.0
-    """Length of the piece of a line that gives one point."""
-    min_piece_characters: int = 4
-    order: int = 5
-    """Highest order of the polynomial that separates a line's characters from descenders and strays."""
-    scale: float = 0.12
-    """Of Geman and McClure's loss in that fit."""
-    min_length: float = 6.0
-    deviation_floor: float = 0.02
-    """Of a piece's place: what characters differ in by design."""
-    alike: float = 0.05
-    """Paragraphs whose spacing differs by less have the same."""
+# Lengths are multiples of the text height.
+PIECE = 9.0
+"""Length of the piece of a line that gives one point."""
+MIN_PIECE_CHARACTERS = 4
+ORDER = 5
+"""Highest order of the polynomial that separates a line's characters from descenders and strays."""
+SCALE = 0.12
+"""Of Geman and McClure's loss in that fit."""
+DEVIATION_FLOOR = 0.02
+"""Of a piece's place: what characters differ in by design."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,12 +126,11 @@ def trace_rows(
 
     Pixel (x, y) of the view shows the page point ((x, y) + `offset`) / `scale`.
     """
-    p = TracingParameters()
     pieces: list[Floats] = []
     index: list[NDArray[np.intp]] = []
     ends: list[tuple[float, float, float, float, float]] = []
     lines = 0
-    for traced in _trace_rows(found, p):
+    for traced in _trace_rows(found):
         # Baseline and x-height line are two lines of their own: blur moves the two apart.
         for edge in (traced.base, traced.crown):
             pieces.append(edge)
@@ -145,44 +139,70 @@ def trace_rows(
         ends.append(traced.row)
     if not pieces:
         return NO_LINES
+    points = np.concatenate(pieces)
+    return observe_lines(
+        points[:, :2], np.concatenate(index), points[:, 2], np.array(ends), page_map, scale, offset
+    )
 
-    def in_photo(pixels: Points) -> Points:
-        return page_map.to_photo((pixels + offset) / scale)
 
-    points, line = np.concatenate(pieces), np.concatenate(index)
-    seen = in_photo(points[:, :2])
+def observe_lines(
+    pixels: Points,
+    index: NDArray[np.intp],
+    deviations_px: Vector,
+    ends: Floats,
+    page_map: PageMap,
+    scale: float,
+    offset: tuple[float, float],
+    most_groups: int | None = None,
+) -> LineObservations:
+    """Traced lines of a flat view as observations in the photo, with their paragraphs, spacings and margins.
+
+    Parameters
+    ----------
+    pixels, index, deviations_px
+        Points (N, 2) of the view, their lines (N,), two of each row, baselines first, and their deviations (N,) across.
+    ends
+        (rows, 5): left and right end of each row's baseline as (x, y, x, y), and its height, in pixels.
+    scale, offset
+        Pixel (x, y) shows the page point ((x, y) + `offset`) / `scale`.
+    most_groups
+        Largest numbers of paragraphs and of margins that are used; those with most lines are kept.
+    """
+
+    def in_photo(at: Points) -> Points:
+        return page_map.to_photo((at + offset) / scale)
+
+    seen = in_photo(pixels)
     # A map may end with the text: what is traced beyond has no place in the photo.
     known = np.isfinite(seen).all(axis=1) & np.isfinite(page_map.to_page(seen)).all(axis=1)
     J = page_map.jacobians(seen)
     known &= np.isfinite(J).all(axis=(1, 2))
     if not known.any():
         return NO_LINES
-    seen, points, line = seen[known], points[known], line[known]
-    placed = np.bincount(line, minlength=lines) > 0
-    table = np.array(ends)
-    order = np.argsort(table[:, 1] + table[:, 3])
-    table = table[order]
+    placed = np.bincount(index[known], minlength=2 * len(ends)) > 0
+    order = np.argsort(ends[:, 1] + ends[:, 3])
+    table = ends[order]
     rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
     # Even numbers are baselines; their rows were sorted for the grouping.
     paragraphs = [q for q in group_paragraphs(rows) if placed[2 * order[q.lines]].all()]
-    runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
-    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
-    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
     margins = [in_photo(rows.starts[g]) for g in find_margins(rows, "left")]
     margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
     margins = [m[np.isfinite(m).all(axis=1)] for m in margins]
-    centre = seen[np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))][None]
-    px_per_unit = scale * float(np.sqrt(np.abs(np.linalg.det(page_map.jacobians(centre)[0]))))
+    if most_groups is not None:
+        paragraphs = sorted(paragraphs, key=lambda q: -len(q.lines))[:most_groups]
+        margins = sorted(margins, key=len, reverse=True)[:most_groups]
+    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
+    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
     # Deviations are across the line in the photo: the local scale of the map converts them.
     grow = np.linalg.norm(J[known, 1], axis=1) * scale
     return LineObservations(
-        seen,
-        line,
-        points[:, 2] / grow,
-        runs,
-        group_alike(spacings, p.alike),
+        seen[known],
+        index[known],
+        deviations_px[known] / grow,
+        [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs],
+        group_alike(spacings),
         [m for m in margins if len(m) > 1],
-        float(np.median(rows.heights)) / px_per_unit,
+        float(np.median(rows.heights) / np.median(grow)),
     )
 
 
@@ -195,25 +215,23 @@ class _TracedRow:
     row: tuple[float, float, float, float, float]
 
 
-def _trace_rows(found: CharacterRows, p: TracingParameters) -> list[_TracedRow]:
+def _trace_rows(found: CharacterRows) -> list[_TracedRow]:
     """The rows of characters that are long enough and have both lines. All are fitted at once."""
     long = []
     for members in sorted(found.rows, key=len):
         unit = median(found.bottom[members] - found.top[members])
-        if np.ptp(np.concatenate([found.left[members], found.right[members]])) >= p.min_length * unit:
+        if np.ptp(np.concatenate([found.left[members], found.right[members]])) >= MIN_LENGTH * unit:
             long.append((members, unit))
     traced: list[_TracedRow] = []
     first = 0
     for k in range(1, len(long) + 1):
         if k == len(long) or (k + 1 - first) * len(long[k][0]) > BATCH:
-            traced += _trace_batch(found, long[first:k], p)
+            traced += _trace_batch(found, long[first:k])
             first = k
     return traced
 
 
-def _trace_batch(
-    found: CharacterRows, rows: list[tuple[NDArray[np.intp], float]], p: TracingParameters
-) -> list[_TracedRow]:
+def _trace_batch(found: CharacterRows, rows: list[tuple[NDArray[np.intp], float]]) -> list[_TracedRow]:
     """Rows of a batch, given as numbers of their characters and text height."""
     size = np.array([len(members) for members, _ in rows])
     unit = np.array([height for _, height in rows])
@@ -227,34 +245,34 @@ def _trace_batch(
     ends = np.stack(
         [np.where(present, left, np.inf).min(axis=1), np.where(present, right, -np.inf).max(axis=1)], axis=1
     )
-    order = np.clip((ends[:, 1] - ends[:, 0]) / (12 * unit), 1, p.order).astype(int)
-    design = _chebyshev(2 * (x - low[:, None]) / extent[:, None] - 1, order, p) * present[:, :, None]
-    base, on_base, based = _follow(design, bottom, present, unit, order, p)
-    _, on_crown, crowned = _follow(design, top, present, unit, order, p)
-    at_ends = _chebyshev(2 * (ends - low[:, None]) / extent[:, None] - 1, order, p)
+    order = np.clip((ends[:, 1] - ends[:, 0]) / (12 * unit), 1, ORDER).astype(int)
+    design = _chebyshev(2 * (x - low[:, None]) / extent[:, None] - 1, order) * present[:, :, None]
+    base, on_base, based = _follow(design, bottom, present, unit, order)
+    _, on_crown, crowned = _follow(design, top, present, unit, order)
+    at_ends = _chebyshev(2 * (ends - low[:, None]) / extent[:, None] - 1, order)
     level = (at_ends @ base[:, :, None])[:, :, 0]
     traced = []
     for k in np.flatnonzero(based & crowned):
         n, height = size[k], float(unit[k])
-        lower = _pieces(x[k, :n], bottom[k, :n], on_base[k, :n], height, p)
-        upper = _pieces(x[k, :n], top[k, :n], on_crown[k, :n], height, p)
+        lower = _pieces(x[k, :n], bottom[k, :n], on_base[k, :n], height)
+        upper = _pieces(x[k, :n], top[k, :n], on_crown[k, :n], height)
         if len(lower) and len(upper):
             row = (float(ends[k, 0]), float(level[k, 0]), float(ends[k, 1]), float(level[k, 1]), height)
             traced.append(_TracedRow(lower, upper, row))
     return traced
 
 
-def _chebyshev(t: Floats, order: NDArray[np.intp], p: TracingParameters) -> Floats:
+def _chebyshev(t: Floats, order: NDArray[np.intp]) -> Floats:
     """Chebyshev polynomials (L, N, order + 1) at `t` (L, N), without those above each row's `order` (L,)."""
-    return np.asarray(np.polynomial.chebyshev.chebvander(t, p.order) * _used(order, p)[:, None, :])
+    return np.asarray(np.polynomial.chebyshev.chebvander(t, ORDER) * _used(order)[:, None, :])
 
 
-def _used(order: NDArray[np.intp], p: TracingParameters) -> Mask:
-    return np.asarray(np.arange(p.order + 1) <= order[:, None])
+def _used(order: NDArray[np.intp]) -> Mask:
+    return np.asarray(np.arange(ORDER + 1) <= order[:, None])
 
 
 def _follow(
-    design: Floats, y: Floats, present: Mask, unit: Vector, order: NDArray[np.intp], p: TracingParameters
+    design: Floats, y: Floats, present: Mask, unit: Vector, order: NDArray[np.intp]
 ) -> tuple[Floats, Mask, Mask]:
     """Chebyshev coefficients (L, order + 1) of the curves that most points of each row lie on.
 
@@ -265,34 +283,34 @@ def _follow(
     count = present.sum(axis=1)
     middle = np.nanmedian(np.where(present, y, np.nan), axis=1)
     y = (y - middle[:, None]) * present
-    used = _used(order, p)
-    ridge = 1e-3 * count[:, None] * np.arange(p.order + 1.0) ** 2
+    used = _used(order)
+    ridge = 1e-3 * count[:, None] * np.arange(ORDER + 1.0) ** 2
     c = np.zeros(used.shape)
     for k in range(EDGE_ROUNDS):
         rest = y - (design @ c[:, :, None])[:, :, 0]
-        scale = np.maximum(0.5 * 0.7**k, p.scale) * unit
+        scale = np.maximum(0.5 * 0.7**k, SCALE) * unit
         weights = present * geman_mcclure_weights(rest, scale[:, None])
         weighted = (design * weights[:, :, None]).transpose(0, 2, 1)
         held = ridge * (weights.sum(axis=1) / count)[:, None] + ~used
-        A = weighted @ design + held[:, :, None] * np.eye(p.order + 1)
+        A = weighted @ design + held[:, :, None] * np.eye(ORDER + 1)
         c = np.linalg.solve(A, weighted @ y[:, :, None])[:, :, 0]
-    near = present & (np.abs(y - (design @ c[:, :, None])[:, :, 0]) < 2 * p.scale * unit[:, None])
+    near = present & (np.abs(y - (design @ c[:, :, None])[:, :, 0]) < 2 * SCALE * unit[:, None])
     c[:, 0] += middle
     return c, near, near.sum(axis=1) >= np.maximum(0.35 * count, 4)
 
 
-def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float, p: TracingParameters) -> Floats:
+def _pieces(x: Vector, y: Vector, inliers: NDArray[np.bool_], unit: float) -> Floats:
     """Mean places (n, 3) of the inliers of every piece: x, y and the deviation of y in pixels."""
     x, y = x[inliers], y[inliers]
     low, high = float(x.min()), float(x.max())
-    count = max(round((high - low) / (p.piece * unit)), 1)
+    count = max(round((high - low) / (PIECE * unit)), 1)
     piece = np.minimum(((x - low) / max(high - low, 1e-9) * count).astype(int), count - 1)
     number = np.bincount(piece, minlength=count)
-    kept = number >= p.min_piece_characters
+    kept = number >= MIN_PIECE_CHARACTERS
     n = np.maximum(number, 1)
     mean_x, mean_y = np.bincount(piece, x, count) / n, np.bincount(piece, y, count) / n
     spread = np.sqrt(np.maximum(np.bincount(piece, y * y, count) / n - mean_y**2, 0.0) + 0.25**2)
-    deviation = np.hypot(spread / np.sqrt(n), p.deviation_floor * unit)
+    deviation = np.hypot(spread / np.sqrt(n), DEVIATION_FLOOR * unit)
     return np.stack([mean_x, mean_y, deviation], axis=1)[kept]
 
 

@@ -1,6 +1,6 @@
 """All straight print of a page as lines: text by its characters or by profiles of darkness, and rules."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,17 +13,13 @@ from services.sheet.tracing.page_text import TracedText
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 from services.sheet.tracing.rule_tracing import trace_rules
 
-
-@dataclass(frozen=True, slots=True)
-class PageLinesParameters:
-    """When text by its characters does not do."""
-
-    enough_lines: int = 20
-    """Text of as many lines shows the shape without rules and profiles."""
-    longer: float = 1.5
-    """Profiles are used where they trace this much more: characters of some scripts hang together, and do not chain."""
-    thinning: int = 4
-    """Every so many windows of a profile are one point: neighbours share their error."""
+# When text by its characters does not do.
+ENOUGH_LINES = 20
+"""Text of as many lines shows the shape without rules and profiles."""
+LONGER = 1.5
+"""Profiles are used where they trace this much more: characters of some scripts hang together, and do not chain."""
+THINNING = 4
+"""Every so many windows of a profile are one point: neighbours share their error."""
 
 
 def trace_lines(text: TracedText, view: PhotoFrame, page_map: PageMap) -> LineObservations:
@@ -35,14 +31,11 @@ def with_rules(
     lines: LineObservations, text: TracedText, view: PhotoFrame, page_map: PageMap
 ) -> LineObservations:
     """Text `lines`; where they are few, the rules after them, or lines by profiles where these are longer than both."""
-    p = PageLinesParameters()
-    if lines.count // 2 >= p.enough_lines:
+    if lines.count // 2 >= ENOUGH_LINES:
         return lines
     both = _join(lines, trace_rules(text, view, page_map))
     profiles = trace_by_profiles(text, view, page_map)
-    return (
-        _thinned(profiles, p.thinning) if traced_length(profiles) > p.longer * traced_length(both) else both
-    )
+    return _thinned(profiles, THINNING) if traced_length(profiles) > LONGER * traced_length(both) else both
 
 
 def _join(lines: LineObservations, rules: LineObservations) -> LineObservations:

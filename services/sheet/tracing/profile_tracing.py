@@ -16,30 +16,39 @@ from services.arrays import Floats, GrayImage, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.node_grid import take_values
-from services.sheet.developable.observations import NO_LINES, LineObservations, Run
-from services.sheet.tracing.baselines import Baselines, find_margins, group_alike, group_paragraphs
-from services.sheet.tracing.line_tracing import TracingParameters, sampling_maps
+from services.sheet.developable.observations import NO_LINES, LineObservations
+from services.sheet.tracing.line_tracing import observe_lines, sampling_maps
 from services.sheet.tracing.page_text import TracedText
 
 NO_RIDGE = -1
 """Before the first ridge of a line."""
 
 
+# Lengths are multiples of the text height.
+HEIGHT_PX = 10.0
+"""Text height in the flat view: what is smaller is enlarged."""
+WINDOW = 3.0
+"""Length of a line that one profile sums up: half a word, so that no single letter decides."""
+STEP = 1.5
+SMOOTH = 0.3
+"""Gaussian along the profile, which joins x-height and ascenders to one ridge."""
+EDGE_SMOOTH = 0.12
+CONTRAST = 0.25
+"""Least height of a ridge above its two valleys, in darkness of the view's typical ridge."""
+DEVIATION = 0.05
+"""Of an edge's place: what letters differ in by design, over one window."""
+REACH = 2.0
+"""The end of a line is searched this far beyond its last window."""
+MAX_POINTS = 7000
+"""Of all lines: of a dense page, windows are left out evenly."""
+MAX_GROUPS = 8
+"""Largest numbers of flush margins and of paragraphs that are used; those with most lines are kept."""
+
+
 @dataclass(frozen=True, slots=True)
 class ProfileParameters:
     """Lengths are multiples of the text height."""
 
-    height_px: float = 10.0
-    """Text height in the flat view: what is smaller is enlarged, up to `enlargement` times the photo."""
-    enlargement: float = 2.0
-    window: float = 3.0
-    """Length of a line that one profile sums up: half a word, so that no single letter decides."""
-    step: float = 1.5
-    smooth: float = 0.3
-    """Gaussian along the profile, which joins x-height and ascenders to one ridge."""
-    edge_smooth: float = 0.12
-    contrast: float = 0.25
-    """Least height of a ridge above its two valleys, in darkness of the view's typical ridge."""
     drift: float = 0.55
     """A line's ridge lies at most this far up or down in the next window; lines are 1.8 apart at least."""
     gap: int = 3
@@ -47,14 +56,6 @@ class ProfileParameters:
     bend: float = 0.5
     """How far the next ridge may be from where the last ones lead."""
     min_windows: int = 5
-    deviation: float = 0.05
-    """Of an edge's place: what letters differ in by design, over one window."""
-    reach: float = 2.0
-    """The end of a line is searched this far beyond its last window."""
-    max_points: int = 7000
-    """Of all lines: of a dense page, windows are left out evenly."""
-    max_groups: int = 8
-    """Largest numbers of flush margins and of paragraphs that are used; those with most lines are kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,18 +85,16 @@ def flatten_darkness(
 
     `text` (N, 2) are characters and `text_height` their size, both in centred units.
     """
-    p = ProfileParameters()
     page = page_map.to_page(text)
     known = np.isfinite(page).all(axis=1)
     if known.sum() < 10:
         return None
     page, J = page[known], page_map.jacobians(text[known])
     grow = float(np.sqrt(np.nanmedian(np.abs(np.linalg.det(J)))))
-    density = float(H_gray_centred[0, 0]) / grow
     low, high = np.percentile(page, 0.5, axis=0), np.percentile(page, 99.5, axis=0)
     margin = 3 * text_height * grow
     low, high = low - margin, high + margin
-    scale = min(p.height_px / (text_height * grow), p.enlargement * density)
+    scale = HEIGHT_PX / (text_height * grow)
     scale = min(scale, float(np.sqrt(8e6 / np.prod(high - low))))  # bounded for every model
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
@@ -121,12 +120,12 @@ class Ridges:
 def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[Ridges, Vector]:
     """Ridges of the darkness in every window, and the windows' middle columns."""
     h = flat.height_px
-    width, step = max(round(p.window * h), 3) | 1, max(round(p.step * h), 1)
+    width, step = max(round(WINDOW * h), 3) | 1, max(round(STEP * h), 1)
     sums = cv2.blur(flat.darkness, (width, 1), borderType=cv2.BORDER_CONSTANT)
     columns = np.arange(step // 2, sums.shape[1], step)
     profiles = sums[:, columns]
-    smooth = gaussian_filter1d(profiles, p.smooth * h, axis=0, mode="constant")
-    sharp = gaussian_filter1d(profiles, p.edge_smooth * h, axis=0, mode="constant", order=1)
+    smooth = gaussian_filter1d(profiles, SMOOTH * h, axis=0, mode="constant")
+    sharp = gaussian_filter1d(profiles, EDGE_SMOOTH * h, axis=0, mode="constant", order=1)
     inner = smooth[1:-1]
     peak = (inner > smooth[:-2]) & (inner >= smooth[2:])
     row, window = np.nonzero(peak)
@@ -141,7 +140,7 @@ def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[Ridges, Vector]:
     offsets = np.arange(1, reach + 1)
     above = smooth[np.clip(row[:, None] - offsets, 0, last), window[:, None]].min(axis=1)
     below = smooth[np.clip(row[:, None] + offsets, 0, last), window[:, None]].min(axis=1)
-    clear = value - np.maximum(above, below) > p.contrast * usual
+    clear = value - np.maximum(above, below) > CONTRAST * usual
     row, window = row[clear], window[clear]
     crown = _extremum(sharp, row, window, -reach, 1)
     base = _extremum(-sharp, row, window, -1, reach)
@@ -237,45 +236,24 @@ def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
     pieces: list[Floats] = []
     index: list[NDArray[np.intp]] = []
     ends = []
-    thin = max(-(-2 * sum(len(members) for members in chains) // p.max_points), 1)
+    thin = max(-(-2 * sum(len(members) for members in chains) // MAX_POINTS), 1)
     for k, members in enumerate(chains):
         x = columns[ridges.window[members]]
         for edge, y in enumerate((ridges.base[members], ridges.crown[members])):
             pieces.append(np.stack([x, y], axis=1)[k % thin :: thin])
             index.append(np.full(len(pieces[-1]), 2 * k + edge))
         ends.append(_line_ends(flat, x, ridges.crown[members], ridges.base[members], p))
-    pixels, line = np.concatenate(pieces), np.concatenate(index)
-    seen = page_map.to_photo(flat.to_page(pixels))
-    known = np.isfinite(seen).all(axis=1) & np.isfinite(page_map.jacobians(seen)).all(axis=(1, 2))
-    if not known.any():
-        return NO_LINES
-    seen, line = seen[known], line[known]
-    placed = np.bincount(line, minlength=2 * len(chains)) > 0
-    table = np.array(ends)
-    order = np.argsort(table[:, 1] + table[:, 3])
-    table = table[order]
-    rows = Baselines(table[:, 0:2], table[:, 2:4], table[:, 4], np.ones(len(table)))
-    paragraphs = [q for q in group_paragraphs(rows) if placed[2 * order[q.lines]].all()]
-    paragraphs = sorted(paragraphs, key=lambda q: -len(q.lines))[: p.max_groups]
-    runs = [Run(2 * order[q.lines], q.order.astype(np.float64)) for q in paragraphs]
-    y = 0.5 * (rows.starts[:, 1] + rows.ends[:, 1])
-    spacings = np.array([np.polyfit(q.order, y[q.lines], 1)[0] for q in paragraphs])
-
-    def in_photo(at: Points) -> Points:
-        return page_map.to_photo(flat.to_page(at))
-
-    margins = [in_photo(rows.starts[g]) for g in find_margins(rows, "left")]
-    margins += [in_photo(rows.ends[g]) for g in find_margins(rows, "right")]
-    margins = sorted((m[np.isfinite(m).all(axis=1)] for m in margins), key=len, reverse=True)[: p.max_groups]
-    grow = np.linalg.norm(page_map.jacobians(seen)[:, 1], axis=1) * flat.scale
-    return LineObservations(
-        seen,
-        line,
-        p.deviation * h / grow,
-        runs,
-        group_alike(spacings, TracingParameters().alike),
-        [m for m in margins if len(m) > 1],
-        float(np.median(rows.heights) / np.median(grow)),
+    pixels = np.concatenate(pieces)
+    deviations_px = np.full(len(pixels), DEVIATION * h)
+    return observe_lines(
+        pixels,
+        np.concatenate(index),
+        deviations_px,
+        np.array(ends),
+        page_map,
+        flat.scale,
+        flat.offset,
+        MAX_GROUPS,
     )
 
 
@@ -284,8 +262,8 @@ def _line_ends(
 ) -> tuple[float, float, float, float, float]:
     """First and last inked column of a line with its baseline there, and the line's height."""
     h = flat.height_px
-    first = max(int(x[0] - p.reach * h), 0)
-    last = min(int(x[-1] + p.reach * h), flat.darkness.shape[1] - 1)
+    first = max(int(x[0] - REACH * h), 0)
+    last = min(int(x[-1] + REACH * h), flat.darkness.shape[1] - 1)
     at = np.arange(first, last + 1)
     top, bottom = (np.interp(at, x, y).round().astype(int) for y in (crown, base))
     middle = (top + bottom) // 2

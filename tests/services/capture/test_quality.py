@@ -9,7 +9,7 @@ import pytest
 
 from services.arrays import Points
 from services.capture.advice import advise
-from services.capture.quality import CaptureQuality, QualityParameters, measure_quality
+from services.capture.quality import CaptureQuality, measure_quality
 from services.capture.readability import predict_character_error, predict_error_of_reading
 from services.ocr.engine import Word
 from services.text.page_text import doubtful_letters
@@ -106,7 +106,7 @@ def test_the_blurred_third_is_named() -> None:
 
 def test_without_characters_there_are_no_figures() -> None:
     empty = np.zeros((0, 2))
-    assert measure_quality(np.zeros((9, 9), np.uint8), empty, np.zeros(0), None, QualityParameters()) is None
+    assert measure_quality(np.zeros((9, 9), np.uint8), empty, np.zeros(0), None) is None
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 from services.arrays import Points
 from services.documents.paper_size import (
     FORMATS,
-    PageSize,
+    SheetSize,
     measure_size,
     parse_size,
     places_in_view,
@@ -35,7 +35,7 @@ def sheet(width: float, height: float, left: float = 20.0, top: float = 10.0) ->
     return np.array([[left, top], [left + width, top], [left + width, top + height], [left, top + height]])
 
 
-def size_of(corners: Points | None, paper: str = "auto", *, assumed: bool = False) -> PageSize:
+def size_of(corners: Points | None, paper: str = "auto", *, assumed: bool = False) -> SheetSize:
     """Of a sheet with these corners in the view."""
     seen = None if corners is None else photo(corners)
     return measure_size(paper, seen, mesh(), WIDTH, HEIGHT, camera_assumed=assumed)
@@ -80,7 +80,7 @@ def test_nothing_is_named_where_the_corners_are_not_seen_or_the_camera_is_unknow
 def test_a_format_that_only_the_likely_focal_length_shows_is_named_if_it_is_certain() -> None:
     a4 = sheet(560, 792)
 
-    def seen(aspect: SheetAspect) -> PageSize:
+    def seen(aspect: SheetAspect) -> SheetSize:
         return measure_size("auto", photo(a4), mesh(), WIDTH, HEIGHT, camera_assumed=True, seen=aspect)
 
     likely = seen(SheetAspect(560 / 792, 0.012, "a4", 0.9))

@@ -15,7 +15,7 @@ from services.documents.searchable_pdf import PdfFacts, finish_pdf
 from services.imaging.codec import encode_image
 from services.imaging.page_files import bind_parts, encode_part
 from services.ocr.engine import Word
-from services.text.page_text import PageText, TextBlock, TextLine
+from services.text.page_text import PageText, ReadLine, TextBlock
 from tests.services.text.pages import line, page, word
 
 DPI = 100.0
@@ -64,13 +64,13 @@ def test_boxes_are_those_of_the_words() -> None:
 def test_a_low_word_stays_in_its_line() -> None:
     """A dash has a flat box; readers would take it for a line of its own."""
     words = (word("from", 100, 100), word("—", 200, 113, 20, 3), word("to", 240, 100))
-    text = PageText(850, 1100, "eng", (TextBlock((TextLine(words),)),))
+    text = PageText(850, 1100, "eng", (TextBlock((ReadLine(words),)),))
     assert pypdfium2.PdfDocument(make(text))[0].get_textpage().get_text_range().strip() == "from — to"
 
 
 def test_a_word_without_ascenders_keeps_its_rows() -> None:
     words = (word("from", 100, 100, 60, 24), word("me", 200, 107, 30, 12), word("5", 240, 110, 12, 12))
-    text = PageText(850, 1100, "eng", (TextBlock((TextLine(words),)),))
+    text = PageText(850, 1100, "eng", (TextBlock((ReadLine(words),)),))
     assert boxes_of(make(text))["me"] == pytest.approx((200, 107, 230, 119), abs=0.75)
     assert boxes_of(make(text))["5"] == pytest.approx((240, 110, 252, 122), abs=0.75)
 
@@ -122,6 +122,6 @@ def test_the_font_is_read_by_freetype() -> None:
 )
 def test_any_text_makes_a_sound_file(texts: list[str]) -> None:
     words = tuple(Word(text, (10.0 * k, 10, 10.0 * k + 8, 20), 0.5) for k, text in enumerate(texts))
-    text = PageText(850, 1100, "eng", (TextBlock((TextLine(words),)),))
+    text = PageText(850, 1100, "eng", (TextBlock((ReadLine(words),)),))
     with pikepdf.open(io.BytesIO(make(text))) as document:
         assert document.check_pdf_syntax() == []

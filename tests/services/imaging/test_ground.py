@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from services.arrays import RgbImage
-from services.imaging.ground import BEYOND_PX, find_ground, sides_reached
+from services.imaging.ground import find_ground, sides_reached
 
 SIZE = (400, 300)
 
@@ -73,7 +73,7 @@ def test_a_wedge_is_drawn_white_and_costs_little_paper() -> None:
     assert (kept & wedge).sum() < 0.15 * wedge.sum()
     assert (~kept & ~wedge).sum() < 0.15 * wedge.sum()
     # No side but the left one is touched.
-    assert outline[:, 0].max() == pytest.approx(299 - BEYOND_PX)
+    assert outline[:, 0].max() == pytest.approx(299)
 
 
 def test_print_that_touches_the_frame_is_no_sliver() -> None:

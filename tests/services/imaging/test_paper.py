@@ -6,13 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.arrays import Points
-from services.imaging.paper import (
-    certain_sheet,
-    continue_nearest,
-    continue_smoothly,
-    model_paper,
-    sharpen_corners,
-)
+from services.imaging.paper import continue_nearest, continue_smoothly, model_paper
 from simulation.degradation import desk_texture
 from tests.counts import some
 from tests.services.scenes import FLAT_SCENES, Album
@@ -119,58 +113,6 @@ def test_text_on_a_second_sheet_leaves_no_single_outline() -> None:
     alone = model_paper(photo, print_points()).outline(print_points())
     assert alone is not None
     assert overlap(alone, sheet_mask()) > 0.97
-
-
-def test_one_whole_sheet_is_certain_of_its_hull() -> None:
-    outline = model_paper(draw_sheet((60, 50, 40)), print_points()).outline(print_points())
-    assert outline is not None
-    hull = certain_sheet(outline)
-    assert hull is not None
-    assert overlap(hull, sheet_mask()) > 0.98
-    lean = cv2.transform(outline[None], np.array([[0.9, 0.3, -40.0], [-0.2, 0.8, 150.0]]))[0]
-    assert certain_sheet(lean) is not None
-
-
-CORNERS = np.array([[100.0, 40.0], [900.0, 90.0], [860.0, 1250.0], [60.0, 1180.0]])
-
-
-def rounded(corners: np.ndarray, cut: float) -> np.ndarray:
-    """The polygon with each corner cut off at the distance `cut` on both of its edges, by three chords."""
-    points = []
-    for before, corner, after in zip(
-        np.roll(corners, 1, axis=0), corners, np.roll(corners, -1, axis=0), strict=True
-    ):
-        a = corner + cut * (before - corner) / np.linalg.norm(before - corner)
-        b = corner + cut * (after - corner) / np.linalg.norm(after - corner)
-        points += [a, *((1 - t) ** 2 * a + 2 * t * (1 - t) * corner + t**2 * b for t in (1 / 3, 2 / 3)), b]
-    return np.array(points)
-
-
-@pytest.mark.parametrize("cut", [5.0, 15.0, 30.0])
-def test_rounded_corners_come_back(cut: float) -> None:
-    sharp = sharpen_corners(rounded(CORNERS, cut))
-    distances = np.linalg.norm(sharp[:, None] - CORNERS[None], axis=2)
-    assert len(sharp) == 4
-    assert distances.min(axis=0).max() < 0.5
-
-
-def test_corners_that_are_missing_are_not_made_up() -> None:
-    cut = rounded(CORNERS, 300.0)
-    assert np.allclose(sharpen_corners(cut), cut, atol=0.01)
-    circle = 500 + 400 * np.stack(
-        [np.cos(np.arange(60) / 60 * 2 * np.pi), np.sin(np.arange(60) / 60 * 2 * np.pi)], axis=1
-    )
-    assert np.allclose(sharpen_corners(circle), circle, atol=0.01)
-
-
-def test_a_torn_sheet_is_not_certain() -> None:
-    whole = np.array([[0.0, 0.0], [500.0, 0.0], [500.0, 700.0], [0.0, 700.0]])
-    assert certain_sheet(whole) is not None
-    torn = np.array([[0.0, 0.0], [500.0, 0.0], [500.0, 700.0], [250.0, 550.0], [0.0, 700.0]])
-    assert certain_sheet(torn) is None
-    # An opened book: two sheets that meet in a gutter.
-    book = np.array([[0.0, 0.0], [400.0, 60.0], [800.0, 0.0], [800.0, 500.0], [400.0, 440.0], [0.0, 500.0]])
-    assert certain_sheet(book) is None
 
 
 def test_tinted_boxes_are_paper() -> None:

@@ -19,7 +19,7 @@ from services.mosaic.flattening import flatten_photo
 from services.mosaic.pipeline import mosaic
 from services.mosaic.registration import photo_pairs
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.mosaic.registration.photo_pairs import PairCandidate, RegistrationParameters
+from services.mosaic.registration.photo_pairs import PairCandidate
 from services.mosaic.results import MosaicResult
 from services.progress import progress_to
 from services.rectify.stage_clock import StageClock
@@ -120,12 +120,12 @@ def _register_each_pair_once() -> Iterator[None]:
     known: dict[tuple[object, ...], PairRegistration | None] = {}
     register = photo_pairs._register
 
-    def register_once(candidate: PairCandidate, p: RegistrationParameters) -> PairRegistration | None:
+    def register_once(candidate: PairCandidate) -> PairRegistration | None:
         a, b = candidate.a, candidate.b
         first, second = a.photo.index, b.photo.index
         key = (a.key, b.key, candidate.turns, candidate.features[0].reduction, first < second)
         if key not in known:
-            known[key] = register(candidate, p)
+            known[key] = register(candidate)
         found = known[key]
         if found is None:
             return None

@@ -7,7 +7,7 @@ import pytest
 
 from services.arrays import GrayImage
 from services.ocr.engine import Word
-from services.ocr.lost_lines import LostLineParameters, with_lost_lines
+from services.ocr.lost_lines import MOST_VAIN, with_lost_lines
 from tests.services.ocr.pages import blank, set_lines
 
 HEIGHT = 36
@@ -136,7 +136,7 @@ def test_an_unsure_reading_of_a_short_line_counts_if_another_mode_says_the_same(
     assert [word.confidence for word in found] == [0.9] * added
 
 
-@pytest.mark.parametrize(("confidence", "readings"), [(0.9, 30), (0.3, LostLineParameters().most_vain)])
+@pytest.mark.parametrize(("confidence", "readings"), [(0.9, 30), (0.3, MOST_VAIN)])
 def test_lines_that_read_no_better_are_soon_left_alone(confidence: float, readings: int) -> None:
     canvas = blank(1000, 1800)
     set_lines(canvas, (60, 60), 30, HEIGHT, words=6)

@@ -17,8 +17,8 @@ from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocumen
 from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
 from services.layout.model.layout_model import MOST_LABELS
-from services.layout.page import Page, ReadWord, Zone
-from services.layout.recognition.results import ClassMatch, LabelledZone, MatchReport, Recognition
+from services.layout.page import Page, Zone, ZoneWord
+from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition, RecognizedZone
 from services.operations import layout
 from services.operations.layout import recognize_upload
 from services.operations.layout_again import FOUND_AGAIN, recognize_again
@@ -104,10 +104,10 @@ def recognition(terms: int = 0) -> Recognition:
     )
     match = ClassMatch("memo", 3, 1.23456, 0.75)
     explanation = tuple(AttributeCost("a", None, f"attribute {index}", 1.0) for index in range(terms))
-    report = MatchReport(1.23456, 1.0, 0.2, 0.03456, False, 0.5, {"date": "a"}, explanation)
+    report = ModelMatch(1.23456, 1.0, 0.2, 0.03456, False, 0.5, {"date": "a"}, explanation)
     return Recognition(
         Page(100.0, 50.0, zones),
-        (LabelledZone(zones[0], "date", 0.98765, "date", 0),),
+        (RecognizedZone(zones[0], "date", 0.98765, "date", 0),),
         match,
         (match,),
         0.25,
@@ -160,7 +160,7 @@ def test_a_recognition_as_json() -> None:
 
 
 def test_words_and_fields_as_json() -> None:
-    words = (ReadWord("3", (1.0, 1.0, 2.0, 4.0), 0.5, 0), ReadWord("May", (3.0, 1.0, 6.123, 4.0), 0.9, 0))
+    words = (ZoneWord("3", (1.0, 1.0, 2.0, 4.0), 0.5, 0), ZoneWord("May", (3.0, 1.0, 6.123, 4.0), 0.9, 0))
     found = recognition()
     zone = replace(found.zones[0].zone, text="3 May", words=words)
     read = replace(found, zones=(replace(found.zones[0], zone=zone, confidence=0.8),))

@@ -18,7 +18,7 @@ from services.contract.html import HtmlElement
 from services.contract.layout import DocumentReply, KeptResult, LayoutOptions, LayoutSettings
 from services.layout.page import Page, Zone
 from services.layout.recognition.fields import Field
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.recognition.results import Recognition, RecognizedZone
 from services.operations import layout, layout_documents
 from services.operations.kept_picture import encode_kept_picture
 from services.operations.layout_documents import recognize_uploads
@@ -47,7 +47,7 @@ def document(
     """The answer about the page; its title comes before its figure."""
     order = {"t": 0, "f": 1, "c": 2}
     zones = tuple(
-        LabelledZone(zone, label, 0.9, None, order.get(zone.id, index))
+        RecognizedZone(zone, label, 0.9, None, order.get(zone.id, index))
         for index, (zone, label) in enumerate(zip(page.zones, labels, strict=True))
     )
     answer = describe_recognition(Recognition(page, zones, None), explain=False)

@@ -10,7 +10,7 @@ from services.contract.images import Encoding, ImageLimits, PageReply, TextForma
 from services.contract.rectify import RectifyParameters
 from services.deadline import answered_within, time_left_s
 from services.errors import InvalidOption
-from services.layout.page import Page, ReadWord, Zone
+from services.layout.page import Page, Zone, ZoneWord
 from services.ocr.engine import Word
 from services.ocr.word_trust import probability_right
 from services.operations import page_reading
@@ -58,7 +58,7 @@ def test_json_has_the_words_in_both_frames() -> None:
 def test_zones_that_miss_most_words_do_not_order_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of three words in two lines, the zones hold the last one only; it would come first."""
     below = Word("Bell", (100, 200, 180, 230), 0.9)
-    held = Zone("z0", (90, 190, 190, 240), words=(ReadWord(below.text, below.box, 0.9, 0),), text="Bell")
+    held = Zone("z0", (90, 190, 190, 240), words=(ZoneWord(below.text, below.box, 0.9, 0),), text="Bell")
     page = Page(800, 600, (held,))
     monkeypatch.setattr(page_reading, "segment_read_page", lambda *given: (page, [*WORDS, below], False))
     document = document_of(read(Encoding("json")))

@@ -12,9 +12,11 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.focal_length import focal_prior
 from services.rectify.analysis.page_analysis import analyse_photo
+from services.sheet import curved_page
 from services.sheet.curved_page import (
+    SHEET_BENDS,
+    STRIPS,
     CurvedPage,
-    CurvedParameters,
     describe_strips,
     estimate_curved_page,
     flow_deviation,
@@ -48,7 +50,6 @@ from tests.services.sheet.developable.sheets import (
 pytestmark = pytest.mark.pipeline
 
 NAMES = ["book", "wave", "bent", "cone"]
-P = CurvedParameters()
 
 
 class Estimates:
@@ -115,9 +116,9 @@ def test_pages_are_flattened(album: Album, found: Estimates, name: str) -> None:
 def test_strips_lie_between_true_rulings(album: Album, found: Estimates, name: str) -> None:
     shot, strips = album[name], found[name].strips
     truth = shot.truth
-    assert strips.normals.shape == (P.strips, 3)
-    assert strips.points.shape == (P.strips + 1, 2)
-    assert strips.vanishing_points.shape == (P.strips + 1, 3)
+    assert strips.normals.shape == (STRIPS, 3)
+    assert strips.points.shape == (STRIPS + 1, 2)
+    assert strips.vanishing_points.shape == (STRIPS + 1, 3)
     assert np.allclose(np.linalg.norm(strips.normals, axis=1), 1)
     assert (strips.normals[:, 2] > 0).all()
     assert ((strips.angles_rad >= 0) & (strips.angles_rad < np.pi)).all()
@@ -299,28 +300,28 @@ def test_strips_of_a_cone_in_closed_form() -> None:
     )
 
 
-def test_plausible_sheets_face_the_camera_under_all_text() -> None:
+def test_plausible_sheets_face_the_camera_under_all_text(monkeypatch: pytest.MonkeyPatch) -> None:
     bent = Bent()
     characters = bent.surface().to_photo(box(0.4, 0.5, 20, 20))
-    assert implausibility(bent.surface(), characters, P) is None
+    assert implausibility(bent.surface(), characters) is None
     steep = replace(FLAT, turn=(0.0, 1.45, 0.0), skew=0.0, anchor=(0.0, 0.0))
     grid = box(0.2, 0.3, 20, 20)
-    assert "hidden" in (implausibility(steep.surface(), grid, P) or "")
+    assert "hidden" in (implausibility(steep.surface(), grid) or "")
     # A plane at 50 degrees, whose magnification alone is doubtful.
     leaning = replace(FLAT, turn=(0.0, 0.87, 0.0), anchor=(0.0, 0.0), focal=1.0)
-    assert implausibility(leaning.surface(), grid, P) is None
-    assert "enlarged 2 times" in (
-        implausibility(leaning.surface(), grid, replace(P, max_magnification_ratio=1.5)) or ""
-    )
-    assert "edge-on" in (
-        implausibility(leaning.surface(), grid, replace(P, max_tilt_rad=np.radians(45.0))) or ""
-    )
+    assert implausibility(leaning.surface(), grid) is None
+    with monkeypatch.context() as bound:
+        bound.setattr(curved_page, "MAX_MAGNIFICATION_RATIO", 1.5)
+        assert "enlarged 2 times" in (implausibility(leaning.surface(), grid) or "")
+    with monkeypatch.context() as bound:
+        bound.setattr(curved_page, "MAX_TILT_RAD", np.radians(45.0))
+        assert "edge-on" in (implausibility(leaning.surface(), grid) or "")
     # Rulings that cross in the text.
     crossed = replace(FLAT, slopes=(3.0, 0.0), skew=0.0)
-    assert "folded over" in (implausibility(crossed.surface(), characters, P) or "")
+    assert "folded over" in (implausibility(crossed.surface(), characters) or "")
     # A few characters beyond are forgiven.
     stray = np.concatenate([characters, crossed.surface().to_photo(np.array([[0.0, -0.9]]))])
-    assert implausibility(bent.surface(), np.nan_to_num(stray), P) is None
+    assert implausibility(bent.surface(), np.nan_to_num(stray)) is None
 
 
 def test_starts_lie_in_the_flows_pose() -> None:
@@ -330,7 +331,7 @@ def test_starts_lie_in_the_flows_pose() -> None:
     points = estimate_vanishing_points(major, minor)
     characters = plane.to_photo(box(0.4, 0.5, 31, 31))
     for skew in (0.0, 0.4, np.pi / 2):
-        start = start_surface(points, prior, characters, skew, P)
+        start = start_surface(points, prior, characters, skew)
         x = np.concatenate([np.zeros(3), start.parameters])
         surface = surface_of(x, start.rotation, start.anchor, start.basis)
         assert surface.skew_rad == skew
@@ -348,10 +349,10 @@ def test_a_recentred_start_is_the_same_sheet() -> None:
     wide = bend_basis(-2.0, 2.0, 8, 0.3)
     fitted: FittedSurface = fit_surface(bent.start(basis=wide), observe(bent.surface(wide)))
     characters = fitted.surface.to_photo(PAGE)
-    start = recentre(fitted, characters, P)
+    start = recentre(fitted, characters)
     x = np.concatenate([np.zeros(3), start.parameters])
     again = surface_of(x, start.rotation, start.anchor, start.basis)
-    assert len(again.bends) == P.bends == len(start.parameters) - (BENDS - 3)
+    assert len(again.bends) == SHEET_BENDS == len(start.parameters) - (BENDS - 3)
     assert start.basis.high - start.basis.low < 2.5
     assert np.abs(again.to_page(characters) - PAGE).max() < 2e-3
 

@@ -40,7 +40,6 @@ def test_even_sides_run_along_the_text(direction_rad: float) -> None:
 
 def test_uncertain_outlines_and_sides_out_of_view_show_nothing() -> None:
     assert read_edges(None, VIEW, 0.0) is NO_EDGES
-    assert read_edges(outline(confidence=0.4), VIEW, 0.0) is NO_EDGES
     assert np.isnan(measure_sides(FLAT, NO_EDGES))
     whole = outline()
     sides = list(whole.sides)

@@ -11,7 +11,7 @@ from services.ocr.engine import Word
 from services.ocr.word_trust import probability_right
 from services.text.alto import write_alto_pages
 from services.text.hocr import write_hocr
-from services.text.page_text import PageText, TextBlock, TextLine
+from services.text.page_text import PageText, ReadLine, TextBlock
 from services.text.plain import write_markdown, write_plain_text
 from tests.services.text.pages import line, page
 
@@ -63,7 +63,7 @@ def test_hocr_is_well_formed_and_has_every_box() -> None:
 
 
 def test_text_that_xml_cannot_hold_is_left_out() -> None:
-    bad = PageText(10, 10, "eng", (TextBlock((TextLine((Word("a\x00\x0bb", (1, 1, 5, 5), 0.5),)),)),))
+    bad = PageText(10, 10, "eng", (TextBlock((ReadLine((Word("a\x00\x0bb", (1, 1, 5, 5), 0.5),)),)),))
     for file in (write_hocr([bad], "\x01", "", 300.0), write_alto_pages([bad], "\x02.jpg", "")):
         assert re.search(r"\bab\b", "".join(ElementTree.fromstring(file).itertext())) or b'"ab"' in file
 

@@ -8,7 +8,13 @@ from scipy.ndimage import map_coordinates
 
 from services.arrays import Vector
 from services.texture_flow.field import angle_difference
-from services.texture_flow.major import MajorFlowParameters
+from services.texture_flow.major import (
+    ALONG_SAMPLING,
+    FINE_RANGE_RAD,
+    FINE_WINDOW,
+    STRIPS,
+    MajorFlowParameters,
+)
 from services.texture_flow.projection_profiles import (
     catmull_rom,
     parabola_peak,
@@ -108,15 +114,15 @@ def measure(offset_deg: float, text_height_px: float, *, binary: bool) -> Vector
     rng = np.random.default_rng(7)
     ink = draw_stripes((900, 900), np.radians(offset_deg), 1.9 * text_height_px, word_px=3.3 * text_height_px)
     ink = (ink > 0.5).astype(np.float32) if binary else ink
-    along, across = text_height_px / p.along_sampling, text_height_px / p.across_sampling
-    columns = int(p.fine_window[0] * text_height_px / along / p.strips) * p.strips
-    slopes = np.tan(np.arange(-p.fine_range_rad, p.fine_range_rad + 1e-9, p.fine_step_rad))
+    along, across = text_height_px / ALONG_SAMPLING, text_height_px / p.across_sampling
+    columns = int(FINE_WINDOW[0] * text_height_px / along / STRIPS) * STRIPS
+    slopes = np.tan(np.arange(-FINE_RANGE_RAD, FINE_RANGE_RAD + 1e-9, p.fine_step_rad))
     margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 4
-    rows = int(p.fine_window[1] * text_height_px / across) + 2 * margin
+    rows = int(FINE_WINDOW[1] * text_height_px / across) + 2 * margin
     centres = rng.uniform(200, 700, (60, 2))
     steps = np.tile([along, 0.0], (60, 1)), np.tile([0.0, across], (60, 1))
     windows = sample_windows(ink, centres, *steps, (rows, columns))
-    energies, amount = scan_slopes(windows, slopes * along / across, margin, p.strips)
+    energies, amount = scan_slopes(windows, slopes * along / across, margin, STRIPS)
     slope, inner = parabola_peak(energies, slopes)
     assert inner.all()
     assert (amount > 0).all()

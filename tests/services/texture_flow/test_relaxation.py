@@ -66,15 +66,15 @@ def field_with_a_liar(direction: float, lie: float, size: int = 5) -> Candidates
 def test_neighbours_overrule_one_strong_lie(direction_deg: float, off_deg: float) -> None:
     lie = np.radians((direction_deg + off_deg) % 180)
     candidates = field_with_a_liar(np.radians(direction_deg), lie)
-    confidence = label_by_relaxation(candidates, 10, 1.0)
+    confidence = label_by_relaxation(candidates, 10)
     assert confidence[2, 2, 0] > confidence[2, 2, 1]
-    before = label_by_relaxation(candidates, 0, 1.0)
+    before = label_by_relaxation(candidates, 0)
     assert before[2, 2, 1] > before[2, 2, 0]  # it is the neighbours that decide
 
 
 def test_alone_the_stronger_candidate_stays() -> None:
     lonely = Candidates(np.array([[[0.1, 1.3]]]), np.array([[[0.6, 1.0]]]))
-    confidence = label_by_relaxation(lonely, 10, 1.0)
+    confidence = label_by_relaxation(lonely, 10)
     assert confidence[0, 0, 1] > confidence[0, 0, 0] > 0
 
 
@@ -86,7 +86,7 @@ def test_random_lies_lose_against_a_smooth_field() -> None:
     energies = rng.uniform(0.3, 0.9, (9, 7, 4))
     angles[..., 2], energies[..., 2] = truth, 0.7
     strongest = np.argmax(energies, axis=-1) == 2
-    chosen = np.argmax(label_by_relaxation(Candidates(angles, energies), 10, 1.0), axis=-1)
+    chosen = np.argmax(label_by_relaxation(Candidates(angles, energies), 10), axis=-1)
     picked = np.take_along_axis(angles, chosen[..., None], axis=-1)[..., 0]
     close = np.abs((picked - truth + np.pi / 2) % np.pi - np.pi / 2) < np.radians(15)
     assert strongest.mean() < 0.6
@@ -98,7 +98,7 @@ def test_first_step_by_hand() -> None:
     candidates = Candidates(
         np.array([[[0.0, np.pi / 2], [np.pi / 6, 0.0]]]), np.array([[[1.0, 2.0], [3.0, 0.0]]])
     )
-    confidence = label_by_relaxation(candidates, 1, 1.0)[0]
+    confidence = label_by_relaxation(candidates, 1)[0]
     first = 0.5 * (1 + np.cos(np.pi / 6))  # C = 1/2, s = cos 30
     second = 1.0 * (1 + np.cos(np.pi / 3))  # C = 1, s = cos 60
     assert confidence[0, 0] == pytest.approx(first / (first + second))
@@ -116,14 +116,14 @@ def test_confidences_are_shares_and_absent_candidates_stay_absent(
     energies: np.ndarray, seed: int, turn: float
 ) -> None:
     angles = np.random.default_rng(seed).uniform(0, np.pi, energies.shape)
-    confidence = label_by_relaxation(Candidates(angles, energies), 10, 1.0)
+    confidence = label_by_relaxation(Candidates(angles, energies), 10)
     assert (confidence[energies == 0] == 0).all()
     assert (confidence[energies > 0] > 0).all()
     total = confidence.sum(axis=-1)
     assert np.allclose(total[(energies > 0).any(axis=-1)], 1.0)
     # What an absent candidate's angle says is nothing, and only differences of directions matter.
     other = np.where(energies > 0, (angles + turn) % np.pi, 0.123)
-    assert np.allclose(label_by_relaxation(Candidates(other, energies), 10, 1.0), confidence)
+    assert np.allclose(label_by_relaxation(Candidates(other, energies), 10), confidence)
     # The photo turned by 180 degrees has the same directions, in the opposite order.
-    back = label_by_relaxation(Candidates(angles[::-1, ::-1], energies[::-1, ::-1]), 10, 1.0)
+    back = label_by_relaxation(Candidates(angles[::-1, ::-1], energies[::-1, ::-1]), 10)
     assert np.allclose(back[::-1, ::-1], confidence)

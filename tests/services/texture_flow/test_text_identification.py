@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from services.texture_flow.text_identification import (
     IdentifiedText,
-    TextIdentificationParameters,
     binarize_niblack,
     detect_edges,
     find_text_area,
@@ -253,7 +252,7 @@ def test_images_without_text_are_answered(kind: str, shape: tuple[int, int]) -> 
 def test_edges_are_where_the_steps_are() -> None:
     gray = np.full((400, 300), 255, np.uint8)
     gray[:, 150:] = 40
-    edges = detect_edges(gray, TextIdentificationParameters())
+    edges = detect_edges(gray)
     assert edges[50:-50, 145:155].any(axis=1).all()
     assert not edges[:, :140].any()
     assert not edges[:, 160:].any()
@@ -261,7 +260,7 @@ def test_edges_are_where_the_steps_are() -> None:
 
 def test_paper_grain_makes_no_edges() -> None:
     grain = np.random.default_rng(5).normal(245, 2, (400, 300))
-    assert detect_edges(np.clip(grain, 0, 255).astype(np.uint8), TextIdentificationParameters()).mean() < 0.01
+    assert detect_edges(np.clip(grain, 0, 255).astype(np.uint8)).mean() < 0.01
 
 
 def test_niblacks_threshold_is_that_of_the_definition() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.layout.graph.layout_graph import LayoutGraph
 from services.layout.model.compiled_model import CompiledModel
 from services.layout.model.layout_model import LayoutModel
-from services.layout.recognition.classification import ClassificationParameters, excess_costs
+from services.layout.recognition.classification import SHARE_OF_MEAN, excess_costs
 from services.layout.recognition.hierarchy.bank import ModelBank
 from services.layout.recognition.hierarchy.likeness import describe_likeness, group_alike
 from services.layout.recognition.hierarchy.pooling import pool_models
@@ -108,7 +108,7 @@ class Hierarchy:
             members = self._members[number]
             costs[members] = coarse.costs[number]
             least = max(float(excess.max()), float(coarse_excess[number]))
-            usual = ClassificationParameters().share_of_mean * self._means[members] - self._biases[members]
+            usual = SHARE_OF_MEAN * self._means[members] - self._biases[members]
             comparable[members] = zones * (least + usual)
         best = scored[np.argsort(excess, kind="stable")][:most_candidates]
         return ModelRanking(tuple(best.tolist()), costs, comparable)

@@ -1,8 +1,9 @@
 """Groups of unknown pages: pure, whatever the order, with the zones that recur."""
 
 import numpy as np
+import pytest
 
-from services.layout.discovery.groups import GroupingParameters, choose_pages, group_pages
+from services.layout.discovery.groups import choose_pages, group_pages
 from services.layout.graph.layout_graph import build_graph
 from services.layout.page import Page
 from tests.services.layout.discovery.made_pages import NAMES, graph_of
@@ -52,14 +53,15 @@ def test_zones_that_recur_carry_a_label_to_all_pages() -> None:
     assert right >= 0.85 * total
 
 
-def test_work_is_bounded_by_zones() -> None:
+def test_work_is_bounded_by_zones(monkeypatch: pytest.MonkeyPatch) -> None:
     pages = [graph_of("memo", seed) for seed in range(4)]
     of_three = sum(page.zones for page in pages[:3])
     assert choose_pages(pages, of_three) == 3
     assert choose_pages(pages, of_three - 1) == 2
     assert choose_pages(pages, 1) == 1
     assert choose_pages([], 10) == 0
-    (group,) = group_pages(pages, GroupingParameters(most_zones=of_three))
+    monkeypatch.setattr("services.layout.discovery.groups.MOST_ZONES", of_three)
+    (group,) = group_pages(pages)
     assert group.pages == (0, 1, 2)
 
 

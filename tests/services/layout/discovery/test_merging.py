@@ -6,7 +6,7 @@ from itertools import combinations
 import pytest
 
 from services.layout.discovery.class_samples import gather_samples
-from services.layout.discovery.merging import MergingParameters, propose_merges
+from services.layout.discovery.merging import propose_merges
 from services.layout.page import Page
 from services.layout.pipeline import content_features
 from tests.services.layout.discovery.made_pages import NAMES, samples_of
@@ -26,11 +26,12 @@ def test_halves_of_a_class_are_one(name: str) -> None:
     assert proposal == propose_merges([one, other])[0]
 
 
-def test_different_classes_are_not() -> None:
+def test_different_classes_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     classes = [samples_of(name, FIRST) for name in MAKERS]
     assert propose_merges(classes) == ()
+    monkeypatch.setattr("services.layout.discovery.merging._LEAST_AGREEMENT", 0.0)
     for one, other in combinations(classes, 2):
-        assert propose_merges([one, other], MergingParameters(least_agreement=0.0)) == ()
+        assert propose_merges([one, other]) == ()
 
 
 def test_labels_of_other_names_are_told() -> None:
@@ -52,8 +53,9 @@ def test_few_samples_tell_nothing() -> None:
     assert propose_merges([]) == ()
 
 
-def test_the_nearest_pairs_come_first() -> None:
+def test_the_nearest_pairs_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.layout.discovery.merging._MOST_PAIRS", 1)
     classes = [samples_of(name, FIRST) for name in MAKERS]
     twin = replace(samples_of("letter", SECOND), name="twin")
-    (proposal,) = propose_merges([*classes, twin], MergingParameters(most_pairs=1))
+    (proposal,) = propose_merges([*classes, twin])
     assert {proposal.first, proposal.second} == {"letter", "twin"}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.layout.discovery.class_samples import ClassSamples, gather_samples, held_out_costs
-from services.layout.discovery.splitting import SplittingParameters, compare_parts, halve, propose_split
+from services.layout.discovery.splitting import compare_parts, halve, propose_split
 from services.layout.pipeline import content_features
 from tests.services.layout.discovery.made_pages import NAMES, samples_of
 from tests.services.layout.samples import MAKERS, labelled_page
@@ -42,13 +42,12 @@ def test_few_samples_tell_nothing() -> None:
     assert compare_parts(union_of("letter", "memo", 3)) is None
 
 
-def test_a_single_stranger_is_no_part() -> None:
+def test_a_single_stranger_is_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.layout.discovery.splitting.LEAST_GAIN", -1.0)
     names = list(MAKERS)
     pages = [labelled_page(names[0], seed) for seed in range(9)] + [labelled_page(names[1], 0)]
     mixed = [(content_features().measure_page(page), None) for page in pages]
-    assert (
-        propose_split(gather_samples("mixed", mixed, NAMES)[0], SplittingParameters(least_gain=-1.0)) is None
-    )
+    assert propose_split(gather_samples("mixed", mixed, NAMES)[0]) is None
 
 
 def test_halves_are_those_of_two_clusters() -> None:

@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 from hypothesis import strategies as st
 
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.page import ALIGNMENTS, KINDS, Page, ReadWord, Zone
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.page import ALIGNMENTS, KINDS, Page, Zone, ZoneWord
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 
 LIMITS = ExchangeLimits()
 CREATED = datetime(2026, 3, 1, 12, 30, tzinfo=UTC)
@@ -50,9 +50,9 @@ def pages(draw: st.DrawFn) -> Page:
 def read_page() -> Page:
     """A page with a zone of two lines that OCR read."""
     words = (
-        ReadWord("Dear", (10.0, 10.0, 40.0, 20.0), 0.9, 0),
-        ReadWord("Ms <&>", (45.0, 11.0, 80.0, 21.0), 0.25, 0),
-        ReadWord("Roe,", (10.0, 30.0, 35.0, 40.0), 1.0, 1),
+        ZoneWord("Dear", (10.0, 10.0, 40.0, 20.0), 0.9, 0),
+        ZoneWord("Ms <&>", (45.0, 11.0, 80.0, 21.0), 0.25, 0),
+        ZoneWord("Roe,", (10.0, 30.0, 35.0, 40.0), 1.0, 1),
     )
     zone = Zone(
         "a", (10.0, 10.0, 80.0, 40.0), lines=2, text="Dear Ms <&>\nRoe,", words=words, label="salutation"
@@ -63,8 +63,8 @@ def read_page() -> Page:
 def printed_figure() -> Page:
     """A page with a figure in which OCR read words."""
     words = (
-        ReadWord("Axis", (10.0, 12.0, 30.0, 20.0), 0.8, 0),
-        ReadWord("0.5", (50.0, 12.0, 60.0, 20.0), 0.7, 0),
+        ZoneWord("Axis", (10.0, 12.0, 30.0, 20.0), 0.8, 0),
+        ZoneWord("0.5", (50.0, 12.0, 60.0, 20.0), 0.7, 0),
     )
     return Page(100.0, 60.0, (Zone("f", (5.0, 5.0, 80.0, 40.0), kind="figure", words=words, label="figure"),))
 
@@ -72,7 +72,7 @@ def printed_figure() -> Page:
 def recognized(page: Page, name: str | None = "letter") -> Recognition:
     """The page's own labels as if they were found, in the order of its zones but told in another."""
     labelled = [
-        LabelledZone(zone, zone.label, 0.9, zone.label, order) for order, zone in enumerate(page.zones)
+        RecognizedZone(zone, zone.label, 0.9, zone.label, order) for order, zone in enumerate(page.zones)
     ]
     chosen = None if name is None else ClassMatch(name, 3, 1.5, 0.97)
     return Recognition(page, tuple(reversed(labelled)), chosen, () if chosen is None else (chosen,))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 from services.layout.exchange.page_json import page_from_document, page_to_document
-from services.layout.page import Appearance, InvalidLayout, Page, Zone
+from services.layout.page import InkAppearance, InvalidLayout, Page, Zone
 from tests.services.layout.exchange.pages import LIMITS, pages
 
 BOX = [10, 20, 30, 40]
@@ -87,7 +87,7 @@ def test_pieces_are_kept_and_wrong_ones_refused() -> None:
 def test_appearance_is_kept() -> None:
     looks = {"density": 0.2, "size": 1.1, "size_spread": 0.4, "stroke": 0.9, "slant": -0.1, "regularity": 1}
     page = page_from_document(document(zone(appearance=looks)), LIMITS)
-    assert page.zones[0].appearance == Appearance(0.2, 1.1, 0.4, 0.9, -0.1, 1.0)
+    assert page.zones[0].appearance == InkAppearance(0.2, 1.1, 0.4, 0.9, -0.1, 1.0)
     assert page_from_document(page_to_document(page), LIMITS) == page
 
 

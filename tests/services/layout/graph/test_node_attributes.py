@@ -15,7 +15,7 @@ from services.layout.graph.node_attributes import (
     order_from_top,
     robust_difference,
 )
-from services.layout.page import Appearance, Page, Zone
+from services.layout.page import InkAppearance, Page, Zone
 from tests.services.layout.samples import page_of
 
 
@@ -25,7 +25,7 @@ def measured(page: Page) -> dict[str, list[float]]:
 
 
 def test_two_zones_by_hand() -> None:
-    looks = Appearance(density=0.25, size=2.0, size_spread=0.5, stroke=0.5, slant=0.1, regularity=0.9)
+    looks = InkAppearance(density=0.25, size=2.0, size_spread=0.5, stroke=0.5, slant=0.1, regularity=0.9)
     heading = Zone(
         "a", (100, 200, 500, 300), lines=3, font_size=20.0, weight=0.1, appearance=looks, text="Ab 12\ncd"
     )

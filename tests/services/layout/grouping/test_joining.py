@@ -26,7 +26,7 @@ from services.layout.grouping.piece_pairs import (
 from services.layout.grouping.piece_tree import PieceTree
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Box, Page, Zone
-from services.layout.recognition.results import LabelledZone
+from services.layout.recognition.results import RecognizedZone
 
 EM = 20.0
 SURELY = {"head": PieceStatistics(6.0, divided=8.0), "text": PieceStatistics(-6.0, whole=8.0)}
@@ -41,9 +41,9 @@ def page(*zones: Zone) -> Page:
     return Page(1000.0, 1400.0, zones)
 
 
-def labelled(*zones: Zone, evidence: float = 4.0) -> list[LabelledZone]:
+def labelled(*zones: Zone, evidence: float = 4.0) -> list[RecognizedZone]:
     return [
-        LabelledZone(each, each.label, 1.0, each.label, order, evidence) for order, each in enumerate(zones)
+        RecognizedZone(each, each.label, 1.0, each.label, order, evidence) for order, each in enumerate(zones)
     ]
 
 

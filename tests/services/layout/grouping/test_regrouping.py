@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from services.imaging.channels import luminance
-from services.layout.grouping.regrouping import RegroupingParameters, regroup_page
+from services.layout.grouping.regrouping import regroup_page
 from services.layout.grouping.regrouping_odds import cut_log_odds, join_log_odds, measure_space
 from services.layout.page import Page
 from services.layout.pipeline import (
@@ -26,7 +26,6 @@ from tests.services.layout.samples import FIRST_UNSEEN, model_of
 from tests.services.layout.test_pipeline import TruthfulEngine, rgb
 
 NEVER = 1e6
-USUAL = RegroupingParameters()
 
 
 @lru_cache(maxsize=4)
@@ -55,10 +54,8 @@ def composed(fine: FinePage) -> tuple[Page, tuple[tuple[int, ...], ...]]:
     return content_features().measure_page(page), lines
 
 
-def regrouped(
-    fine: FinePage, parameters: RegroupingParameters = USUAL
-) -> tuple[Page, tuple[tuple[int, ...], ...]]:
-    return regroup_page(fine, *composed(fine), model_of("letter", 8), content_features(), parameters)[:2]
+def regrouped(fine: FinePage) -> tuple[Page, tuple[tuple[int, ...], ...]]:
+    return regroup_page(fine, *composed(fine), model_of("letter", 8), content_features())[:2]
 
 
 @pytest.mark.parametrize("labels", [("date", "receiver"), ("salutation", "body"), ("body", "closing")])
@@ -92,18 +89,12 @@ def test_a_page_that_is_explained_well_stays_as_it_is() -> None:
     assert regroup_page(fine, page, lines, model, content_features())[0] is page
 
 
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        RegroupingParameters(most_hypotheses=0),
-        RegroupingParameters(most_pairs=1),
-        RegroupingParameters(least_cut_odds=NEVER, least_join_odds=NEVER),
-    ],
-)
-def test_without_a_budget_or_odds_nothing_changes(parameters: RegroupingParameters) -> None:
+@pytest.mark.parametrize(("bound", "least"), [("_MOST_HYPOTHESES", 0), ("_MOST_PAIRS", 1)])
+def test_without_a_budget_nothing_changes(bound: str, least: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"services.layout.grouping.regrouping.{bound}", least)
     true, fine = seen_letter(0)
     together = merged(fine, lines_of(fine, true, "salutation"), lines_of(fine, true, "body"))
-    assert regrouped(together, parameters)[1] == composed(together)[1]
+    assert regrouped(together)[1] == composed(together)[1]
 
 
 def line(top: float, left: float = 100.0, right: float = 500.0, em: float = 20.0) -> Line:

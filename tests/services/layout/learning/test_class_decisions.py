@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.layout.learning.class_decisions import (
-    DecisionParameters,
+    MOST_STEP,
     accept_page,
     count_cost,
     prefer_class,
@@ -43,14 +43,13 @@ def test_the_right_class_gains(
     before = odds(of_right, of_wrong)
     taught = prefer_class((right, of_right), (wrong, of_wrong))
     after = odds(*taught)
-    most = DecisionParameters().most_step
-    assert abs(taught[0].bias - of_right.bias) <= most + 1e-9
-    assert abs(taught[1].bias - of_wrong.bias) <= most + 1e-9
+    assert abs(taught[0].bias - of_right.bias) <= MOST_STEP + 1e-9
+    assert abs(taught[1].bias - of_wrong.bias) <= MOST_STEP + 1e-9
     if before >= 1:
         assert after == pytest.approx(before)
     elif abs(before) < 100:  # beyond it probabilities are too small for odds
         assert after > before
-        assert after == pytest.approx(min(1.0, before + 6 * most), abs=1e-6)
+        assert after == pytest.approx(min(1.0, before + 6 * MOST_STEP), abs=1e-6)
 
 
 @given(costs, calibrations, st.integers(1, 60))
@@ -58,7 +57,7 @@ def test_a_page_taken_for_none_is_accepted_sooner(cost: float, calibration: Cali
     taught = accept_page(cost, calibration, zones)
     before, after = (classify(np.array([cost]), [each], zones)[1] for each in (calibration, taught))
     assert after <= before
-    assert abs(taught.bias - calibration.bias) <= DecisionParameters().most_step + 1e-9
+    assert abs(taught.bias - calibration.bias) <= MOST_STEP + 1e-9
 
 
 @given(costs, calibrations, st.integers(1, 60))
@@ -66,7 +65,7 @@ def test_a_page_of_no_class_is_refused_sooner(cost: float, calibration: Calibrat
     taught = refuse_page(cost, calibration, zones)
     before, after = (classify(np.array([cost]), [each], zones)[1] for each in (calibration, taught))
     assert after >= before
-    assert abs(taught.bias - calibration.bias) <= DecisionParameters().most_step + 1e-9
+    assert abs(taught.bias - calibration.bias) <= MOST_STEP + 1e-9
 
 
 @pytest.mark.parametrize("zones", [3, 30, 100])

@@ -12,7 +12,7 @@ from services.layout.model.layout_model import LayoutModel
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.page import Page
 from services.layout.pipeline import content_features
-from services.layout.recognition.classification import ClassificationParameters
+from services.layout.recognition.classification import USUAL_DEVIATION, USUAL_MEAN
 from tests.services.layout.samples import MAKERS, labelled_page, model_of, page_of
 
 NAMES = content_features().names
@@ -41,9 +41,8 @@ def test_a_model_has_a_node_of_every_label(name: str) -> None:
 
 def test_one_page_leaves_what_is_usual() -> None:
     model = model_of("letter", 1)
-    usual = ClassificationParameters()
     assert model.calibration.pages == 0
-    assert (model.calibration.mean, model.calibration.deviation) == (usual.usual_mean, usual.usual_deviation)
+    assert (model.calibration.mean, model.calibration.deviation) == (USUAL_MEAN, USUAL_DEVIATION)
 
 
 @pytest.mark.pipeline

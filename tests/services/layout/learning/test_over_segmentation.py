@@ -5,18 +5,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.layout.learning.over_segmentation import OverSegmentationParameters, over_segment
+from services.layout.learning.over_segmentation import over_segment
 from services.layout.page import Page, Zone
 from tests.services.layout.samples import labelled_page
 
-ALWAYS = OverSegmentationParameters(cut=100.0, specks=0.0)
+
+@pytest.fixture
+def cut_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every gap is cut, and there is no speck."""
+    monkeypatch.setattr("services.layout.learning.over_segmentation._CUT", 100.0)
+    monkeypatch.setattr("services.layout.learning.over_segmentation._SPECKS", 0.0)
 
 
+@pytest.mark.usefixtures("cut_everywhere")
 def test_a_zone_is_cut_between_its_lines() -> None:
     zone = Zone(
         "z", (10, 100, 90, 160), lines=3, text="one\ntwo words\nthree", label="body", content={"date": 1.0}
     )
-    pieces = over_segment(Page(100, 200, (zone,)), np.random.default_rng(0), ALWAYS).zones
+    pieces = over_segment(Page(100, 200, (zone,)), np.random.default_rng(0)).zones
     assert [piece.text for piece in pieces] == ["one", "two words", "three"]
     assert [piece.label for piece in pieces] == ["body"] * 3
     assert [piece.lines for piece in pieces] == [1, 1, 1]
@@ -33,15 +39,17 @@ def test_zones_that_are_said_to_have_thousands_of_lines_make_no_thousands_of_zon
     }
 
 
+@pytest.mark.usefixtures("cut_everywhere")
 def test_words_are_shared_out_where_line_ends_are_not_known() -> None:
     zone = Zone("z", (0, 0, 90, 40), lines=2, text="a b c d e f", label="body")
-    pieces = over_segment(Page(100, 200, (zone,)), np.random.default_rng(0), ALWAYS).zones
+    pieces = over_segment(Page(100, 200, (zone,)), np.random.default_rng(0)).zones
     assert [piece.text for piece in pieces] == ["a b c", "d e f"]
 
 
+@pytest.mark.usefixtures("cut_everywhere")
 @pytest.mark.parametrize("zone", [Zone("z", (0, 0, 9, 9)), Zone("z", (0, 0, 9, 9), kind="figure", lines=4)])
 def test_what_has_no_lines_stays_whole(zone: Zone) -> None:
-    assert over_segment(Page(10, 10, (zone,)), np.random.default_rng(0), ALWAYS).zones == (zone,)
+    assert over_segment(Page(10, 10, (zone,)), np.random.default_rng(0)).zones == (zone,)
 
 
 def test_about_so_many_zones_are_cut_and_specks_added() -> None:

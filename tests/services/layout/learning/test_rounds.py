@@ -3,7 +3,7 @@
 import pytest
 
 from services.layout.learning.learners import wrong_zones
-from services.layout.learning.rounds import RoundParameters, run_rounds
+from services.layout.learning.rounds import run_rounds
 from services.layout.learning.training import train_in_rounds
 from services.layout.model.learning_model import LearningModel
 from services.layout.pipeline import content_features
@@ -40,7 +40,9 @@ def test_counting_alone_stops_at_once() -> None:
     assert model is learned
 
 
-def test_held_out_pages_are_not_learned_from_and_choose_the_round() -> None:
+def test_held_out_pages_are_not_learned_from_and_choose_the_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.layout.learning.rounds._FOLDS", 3)
+    monkeypatch.setattr("services.layout.learning.rounds._PATIENCE", 1)
     learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
     begun: list[set[int]] = []
@@ -49,7 +51,7 @@ def test_held_out_pages_are_not_learned_from_and_choose_the_round() -> None:
         begun.append(set(indices))
         return learned
 
-    _, training = run_rounds(begin, pages, 6, "passive-aggressive", RoundParameters(folds=3, patience=1))
+    _, training = run_rounds(begin, pages, 6, "passive-aggressive")
     assert begun[-1] == set(range(6))
     held_out = [set(range(6)) - each for each in begun[:-1]]
     assert sorted(index for part in held_out for index in part) == list(range(6))
@@ -82,7 +84,7 @@ def test_training_stops_when_held_out_errors_rise(monkeypatch: pytest.MonkeyPatc
     assert len(training.rounds) == 4, "two rounds worse than the best one"
 
 
-def test_effort_is_bounded() -> None:
+def test_effort_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer parts are held out of what takes long, and rounds end."""
     learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
@@ -94,8 +96,9 @@ def test_effort_is_bounded() -> None:
         begun.append(len(indices))
         return learned
 
-    little = RoundParameters(most_effort=1.0, patience=100)
-    _, training = run_rounds(begin, pages, 50, "passive-aggressive", little)
+    monkeypatch.setattr("services.layout.learning.rounds._MOST_EFFORT", 1.0)
+    monkeypatch.setattr("services.layout.learning.rounds._PATIENCE", 100)
+    _, training = run_rounds(begin, pages, 50, "passive-aggressive")
     assert begun == [4, 6], "one part is held out still, and all are learned from"
     assert (training.stopped, len(training.rounds)) == ("effort", 2), "one round there is in any case"
     assert rounds > 1

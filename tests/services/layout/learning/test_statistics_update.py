@@ -8,14 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.layout.learning.learners import learn_page, wrong_zones
-from services.layout.learning.statistics_update import StatisticsUpdateParameters, moved, update_statistics
+from services.layout.learning.statistics_update import moved, update_statistics
 from services.layout.model.estimation import estimate_model
 from services.layout.model.learning_model import begin_learning, end_learning, with_labels
 from services.layout.model.statistics import gather_statistics, sample_statistics, total_statistics
 from tests.services.layout.learning.learning_models import ALL_NAMES, classes, learning_model, lesson, seeds
-
-STILL = StatisticsUpdateParameters(scale_rate=0.0)
-"""With the scales as they are."""
 
 
 def assert_same(one, other, tolerance: float = 2e-3) -> None:
@@ -30,7 +27,7 @@ def test_counting_is_initialization_of_all_pages(document_class: str, chosen: li
     pages = [lesson(document_class, seed) for seed in chosen]
     counted = learned
     for page in pages:
-        counted = update_statistics(counted, page, STILL)
+        counted = update_statistics(counted, page, scale_rate=0.0)
     labels = counted.labels
     grown = with_labels(learned, labels)
     total = total_statistics([grown.statistics, *(gather_statistics(page, labels) for page in pages)])
@@ -41,7 +38,7 @@ def test_counting_is_initialization_of_all_pages(document_class: str, chosen: li
 
 def test_two_views_of_a_page_count_as_one_page() -> None:
     learned, page, found = learning_model("memo"), lesson("memo", 5), lesson("memo", 6)
-    counted = update_statistics(learned, page, STILL, found)
+    counted = update_statistics(learned, page, found, scale_rate=0.0)
     grown = with_labels(learned, counted.labels)
     views = sample_statistics([page, found], counted.labels)
     total = total_statistics([grown.statistics, views])
@@ -58,7 +55,7 @@ def test_what_was_learned_from_errors_stays(document_class: str, seed: int) -> N
     page = lesson(document_class, seed)
     learned = with_labels(learned, page.labels)
     bent = learned.with_model(replace(learned.model, label_costs=learned.model.label_costs + 0.7))
-    plain, kept = (update_statistics(each, page, STILL).model for each in (learned, bent))
+    plain, kept = (update_statistics(each, page, scale_rate=0.0).model for each in (learned, bent))
     np.testing.assert_allclose(kept.label_costs - plain.label_costs, 0.7)
     assert_same(replace(kept, label_costs=plain.label_costs), plain, 1e-9)
 
@@ -98,13 +95,13 @@ def test_scales_follow_what_tells_labels_apart() -> None:
     assert (lost.model.scales >= 0).all()
 
 
-def test_old_pages_fade() -> None:
+def test_old_pages_fade(monkeypatch: pytest.MonkeyPatch) -> None:
     """After a change of the class its new look is what is expected."""
-    few = StatisticsUpdateParameters(scale_rate=0.0, most_pages=4.0)
+    monkeypatch.setattr("services.layout.learning.statistics_update.MOST_PAGES", 4.0)
     learned = learning_model("letter", 5)
     page = lesson("letter", 1)
     for _ in range(30):
-        learned = update_statistics(learned, page, few)
+        learned = update_statistics(learned, page, scale_rate=0.0)
     assert learned.statistics.pages[0] == pytest.approx(4.0, abs=1e-3)
     alone = gather_statistics(page, learned.labels)
     seen = alone.zones > 0

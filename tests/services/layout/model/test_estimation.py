@@ -7,7 +7,7 @@ from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import DERIVED_FEATURES, RELATION_OFFSETS, LayoutGraph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.model.compiled_model import compile_model, default_scales
-from services.layout.model.estimation import EstimationParameters, estimate_model, name_parts
+from services.layout.model.estimation import CONTENT_RANGE, estimate_model, name_parts
 from services.layout.model.layout_model import Calibration
 from services.layout.model.statistics import MOST_COUNTED, LabelledGraph, gather_statistics, total_statistics
 
@@ -82,7 +82,7 @@ def test_expectations_are_frequencies_drawn_to_those_of_all_zones() -> None:
 def test_expectations_stay_away_from_certainty() -> None:
     many = 5000
     model = estimated(graph_of(rows(*[0.0] * many), content(*[1.0] * many)), ("a",) * many, (None, "a"))
-    least, most = EstimationParameters().content_range
+    least, most = CONTENT_RANGE
     assert model.content[1, DATE] == most
     assert model.content[1, 1] == least
 

@@ -14,7 +14,7 @@ from services.layout.model.compiled_model import default_scales, scale_names
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.estimation import estimate_model
 from services.layout.model.scale_fitting import (
-    ScaleFittingParameters,
+    FOLDS,
     conditional_terms,
     fit_scales,
     fit_scales_without,
@@ -27,6 +27,9 @@ from services.layout.pipeline import content_features
 from tests.services.layout.samples import labelled_page
 
 COLUMNS = [attribute.name for attribute in NUMERIC_ATTRIBUTES]
+
+
+PRIOR = "services.layout.model.scale_fitting.PRIOR_WEIGHT"
 
 
 def problem(seed: int, zones: int = 40, labels: int = 3, kinds: int = 5):
@@ -58,10 +61,10 @@ def test_the_likelihood_is_convex(seed: int) -> None:
     assert loss((a + b) / 2) < (loss(a) + loss(b)) / 2
 
 
-def test_the_answer_does_not_depend_on_the_start() -> None:
+def test_the_answer_does_not_depend_on_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     terms, truth, usual = problem(4)
-    parameters = ScaleFittingParameters(prior_weight=2.0)
-    found = most_probable_scales(terms, truth, usual, parameters)
+    monkeypatch.setattr(PRIOR, 2.0)
+    found = most_probable_scales(terms, truth, usual)
     for start in (np.zeros_like(usual), 5 + 0 * usual):
         other = minimize(
             negative_log_likelihood,
@@ -75,20 +78,22 @@ def test_the_answer_does_not_depend_on_the_start() -> None:
     assert found.min() >= 0
 
 
-def test_noise_weighs_less_than_what_tells_labels() -> None:
+def test_noise_weighs_less_than_what_tells_labels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(PRIOR, 5.0)
     rng = np.random.default_rng(1)
     terms, truth, _ = problem(1, zones=600, labels=4, kinds=2)
     # True negative log likelihoods, and as large ones that know nothing of the truth.
     terms[np.arange(600), truth, 0] -= rng.uniform(0, 3, 600)
     usual = np.array([0.5, 0.5])
-    informative, noise = most_probable_scales(terms, truth, usual, ScaleFittingParameters(prior_weight=5.0))
+    informative, noise = most_probable_scales(terms, truth, usual)
     assert informative > 0.6
     assert noise < 0.2
 
 
-def test_a_strong_prior_keeps_the_usual_weights() -> None:
+def test_a_strong_prior_keeps_the_usual_weights(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(PRIOR, 1e7)
     terms, truth, usual = problem(2)
-    near = most_probable_scales(terms, truth, usual, ScaleFittingParameters(prior_weight=1e7))
+    near = most_probable_scales(terms, truth, usual)
     np.testing.assert_allclose(near, usual, atol=1e-4)
 
 
@@ -106,12 +111,11 @@ def page_with(rng: np.random.Generator) -> LabelledGraph:
     return LabelledGraph(LayoutGraph(numeric, np.zeros((8, len(NAMES))), NAMES, *none), labels)
 
 
-def fitted(pages: list[LabelledGraph], **parameters: float) -> dict[str, float]:
+def fitted(pages: list[LabelledGraph]) -> dict[str, float]:
     labels = (None, *sorted({label for page in pages for label in page.labels if label}))
     total = total_statistics(gather_statistics(page, labels) for page in pages)
     samples = [[page] for page in pages]
-    chosen = ScaleFittingParameters(**parameters)
-    scales = fit_scales(hold_out_terms(samples, total, labels, chosen), chosen).scales
+    scales = fit_scales(hold_out_terms(samples, total, labels)).scales
     return dict(zip(scale_names(pages[0].graph.content_names), scales.tolist(), strict=True))
 
 
@@ -135,14 +139,18 @@ def test_nothing_is_fitted_where_nothing_can_be_held_out(pages: int) -> None:
     np.testing.assert_array_equal(fit_scales(held_out).scales, default_scales(names))
 
 
-def test_more_samples_than_wanted_are_taken_evenly() -> None:
+def test_more_samples_than_wanted_are_taken_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(8)
     pages = [page_with(rng) for _ in range(12)]
-    few, all_ = fitted(pages, most_samples=4), fitted(pages)
+    all_ = fitted(pages)
+    with monkeypatch.context() as bound:
+        bound.setattr("services.layout.model.scale_fitting._MOST_SAMPLES", 4)
+        few = fitted(pages)
     assert few["left"] != all_["left"]
     assert few["left"] > few["digits"]
     terms_of_a_page = 8 * 4 * len(default_scales(NAMES))
-    assert fitted(pages, most_terms=4.5 * terms_of_a_page) == few
+    monkeypatch.setattr("services.layout.model.scale_fitting._MOST_TERMS", 4.5 * terms_of_a_page)
+    assert fitted(pages) == few
 
 
 @pytest.mark.parametrize("name", ["letter", "two-column"])
@@ -185,15 +193,15 @@ def test_weights_without_a_sample_explain_it_no_better(count: int) -> None:
     """Weights of all samples are a compromise between each part and the rest, which those without it need not make."""
     rng = np.random.default_rng(8)
     samples = [[page_with(rng)] for _ in range(count)]
-    labels, parameters = (None, "a", "b", "c"), ScaleFittingParameters()
+    labels = (None, "a", "b", "c")
     total = total_statistics(gather_statistics(page, labels) for [page] in samples)
     held_out = hold_out_terms(samples, total, labels)
     scales = fit_scales(held_out).scales
     usual = default_scales(NAMES)
     without = fit_scales_without(held_out, scales)
     assert len(without) == count
-    for fold in range(min(count, parameters.folds)):
-        part = [index for index in range(count) if index % parameters.folds == fold]
+    for fold in range(min(count, FOLDS)):
+        part = [index for index in range(count) if index % FOLDS == fold]
         costs = []
         for weights in (scales, without[fold]):
             cost = 0.0
@@ -213,15 +221,13 @@ def test_weights_without_a_sample_explain_it_no_better(count: int) -> None:
 def test_weights_without_a_fold_are_those_of_the_other_zones(count: int) -> None:
     rng = np.random.default_rng(11)
     samples = [[page_with(rng)] for _ in range(count)]
-    labels, parameters = (None, "a", "b", "c"), ScaleFittingParameters()
+    labels = (None, "a", "b", "c")
     total = total_statistics(gather_statistics(page, labels) for [page] in samples)
     held_out = hold_out_terms(samples, total, labels)
     without = fit_scales_without(held_out, fit_scales(held_out).scales)
-    for index, found in enumerate(without[: parameters.folds]):
-        others = held_out.owner % min(count, parameters.folds) != index
-        anew = most_probable_scales(
-            held_out.terms[others], held_out.truth[others], held_out.usual, parameters
-        )
+    for index, found in enumerate(without[:FOLDS]):
+        others = held_out.owner % min(count, FOLDS) != index
+        anew = most_probable_scales(held_out.terms[others], held_out.truth[others], held_out.usual)
         np.testing.assert_allclose(found, anew, atol=3e-3)
         assert found.min() >= 0
 

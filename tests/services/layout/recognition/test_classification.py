@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 
 from services.layout.model.layout_model import Calibration
 from services.layout.recognition.classification import (
-    ClassificationParameters,
+    LEAST_FIT,
+    SHARE_OF_MEAN,
     calibrate,
     classify,
     least_fit,
 )
 
-P = ClassificationParameters()
 ZONES = 15
 calibrations = st.builds(Calibration, st.floats(-20, 5), st.floats(0.01, 3), st.integers(0, 50))
 competitors = st.lists(st.tuples(st.floats(-30, 50), calibrations), min_size=1, max_size=6)
@@ -39,7 +39,7 @@ def test_the_order_of_models_says_nothing(classes: list[tuple[float, Calibration
     costs, told = split(classes)
     probabilities, unknown = classify(costs, told, ZONES)
     others, other_unknown = classify(*split([classes[index] for index in order]), ZONES)
-    excess = costs - P.share_of_mean * np.array([each.mean for each in told])
+    excess = costs - SHARE_OF_MEAN * np.array([each.mean for each in told])
     if len(set(np.round(excess, 9))) == len(excess):  # of equals the first is the nearest
         np.testing.assert_allclose(others, probabilities[order], rtol=1e-9, atol=1e-300)
         assert other_unknown == pytest.approx(unknown)
@@ -92,8 +92,8 @@ def test_the_same_cost_says_more_of_a_page_of_many_zones() -> None:
     few, many = (classify(np.array([-3.0]), told, zones)[1] for zones in (20, 30))
     # The share that is enough falls by 0.153 of log 1.5, at log odds of 15 for each unit.
     assert np.log(few / (1 - few)) - np.log(many / (1 - many)) == pytest.approx(15 * 0.153 * np.log(1.5))
-    assert least_fit(0) == least_fit(1) == least_fit(20) == P.least_fit
-    assert least_fit(500) == least_fit(40) == pytest.approx(P.least_fit - 0.153 * np.log(2))
+    assert least_fit(0) == least_fit(1) == least_fit(20) == LEAST_FIT
+    assert least_fit(500) == least_fit(40) == pytest.approx(LEAST_FIT - 0.153 * np.log(2))
 
 
 def test_costs_are_calibrated_by_hand() -> None:

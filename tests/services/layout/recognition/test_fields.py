@@ -6,22 +6,22 @@ from dataclasses import replace
 import pytest
 
 from services.contract.fields import FieldSetting
-from services.layout.page import Page, ReadWord, Zone
+from services.layout.page import Page, Zone, ZoneWord
 from services.layout.recognition.fields import gather_fields, probability_of_value
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 
 
 def labelled(
     order: int, label: str | None, text: str, sure: float = 1.0, words: Sequence[float] = ()
-) -> LabelledZone:
+) -> RecognizedZone:
     texts = text.split() if len(words) == len(text.split()) else ["x" * 4] * len(words)
     pairs = zip(texts, words, strict=True)
-    read = tuple(ReadWord(each, (0.0, 0.0, 1.0, 1.0), confidence, 0) for each, confidence in pairs)
+    read = tuple(ZoneWord(each, (0.0, 0.0, 1.0, 1.0), confidence, 0) for each, confidence in pairs)
     zone = Zone(f"z{order}", (0.0, 10.0 * order, 50.0, 10.0 * order + 8), text=text, words=read)
-    return LabelledZone(zone, label, sure, label, order)
+    return RecognizedZone(zone, label, sure, label, order)
 
 
-def recognition(*zones: LabelledZone, probability: float | None = 0.9) -> Recognition:
+def recognition(*zones: RecognizedZone, probability: float | None = 0.9) -> Recognition:
     page = Page(100.0, 100.0, tuple(each.zone for each in zones))
     classes = () if probability is None else (ClassMatch("letter", 1, -3.0, probability),)
     return Recognition(page, zones, classes[0] if classes else None, classes)

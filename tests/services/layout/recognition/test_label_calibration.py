@@ -15,7 +15,7 @@ from services.layout.recognition.label_calibration import (
 )
 from services.layout.recognition.label_evidence import label_evidence
 from services.layout.recognition.page_recognition import VersionedModel
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 
 BEGUN = Calibration(-6.0, 1.0, 3)
 
@@ -64,7 +64,7 @@ def test_labels_are_judged_by_their_evidence(is_read: bool) -> None:
 def recognition(*evidence: float | None, name: str = "letter") -> Recognition:
     zones = tuple(Zone(f"z{n}", (0.0, 10.0 * n, 50.0, 10.0 * n + 8)) for n in range(len(evidence)))
     labelled = (
-        LabelledZone(zone, "a", 0.9, "a", order, each)
+        RecognizedZone(zone, "a", 0.9, "a", order, each)
         for order, (zone, each) in enumerate(zip(zones, evidence, strict=True))
     )
     classes = (ClassMatch(name, 1, -3.0, 0.4),)

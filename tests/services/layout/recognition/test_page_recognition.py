@@ -14,7 +14,7 @@ from services.layout.page import Page, Zone
 from services.layout.pipeline import initialize_model, recognize
 from services.layout.recognition import page_recognition as recognition
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel
-from services.layout.recognition.results import LabelledZone, Recognition
+from services.layout.recognition.results import Recognition, RecognizedZone
 from tests.services.layout.samples import (
     FIRST_UNSEEN,
     MAKERS,
@@ -49,7 +49,7 @@ def recognitions(
     return [recognize(labelled_page(name, seed), models_of_all(samples), parameters) for seed in UNSEEN]
 
 
-def wrong(found: list[Recognition]) -> list[LabelledZone]:
+def wrong(found: list[Recognition]) -> list[RecognizedZone]:
     return [zone for page in found for zone in page.zones if zone.label != zone.zone.label]
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 
 from services.arrays import RgbImage
 from services.layout.page import Box, Kind, Page, Zone
-from services.layout.recognition.results import ClassMatch, LabelledZone, Recognition
+from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.layout.rendering.overlay import (
     MAX_SIDE_PX,
     MIN_SIDE_PX,
@@ -27,7 +27,7 @@ def recognition(
     kind: Kind = "text",
 ) -> Recognition:
     labelled = tuple(
-        LabelledZone(Zone(f"z{order}", box, kind), label, confidence, label, order)
+        RecognizedZone(Zone(f"z{order}", box, kind), label, confidence, label, order)
         for order, (box, label) in enumerate(zones)
     )
     return Recognition(Page(*size, tuple(zone.zone for zone in labelled)), labelled, None)

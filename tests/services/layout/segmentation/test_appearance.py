@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.arrays import GrayImage
-from services.layout.page import Appearance, Page, Zone
+from services.layout.page import InkAppearance, Page, Zone
 from services.layout.segmentation import measure_zones, segment_page
 from tests.services.layout.segmentation.pages import drawing, sample
 
@@ -28,7 +28,7 @@ def row_and_scrawl() -> GrayImage:
     return page
 
 
-def appearance(image: GrayImage, box: tuple[float, float, float, float]) -> Appearance:
+def appearance(image: GrayImage, box: tuple[float, float, float, float]) -> InkAppearance:
     height, width = image.shape
     [zone] = measure_zones(image, Page(float(width), float(height), (Zone("a", box, kind="figure"),))).zones
     assert zone.appearance is not None
@@ -73,7 +73,7 @@ def test_drawn_zones_look_as_found_ones() -> None:
 
 def test_zones_without_ink_have_no_appearance() -> None:
     image = row_and_scrawl()
-    given = Appearance(0.5, 1.0, 0.1, 1.0, 0.0, 1.0)
+    given = InkAppearance(0.5, 1.0, 0.1, 1.0, 0.0, 1.0)
     zones = (
         Zone("empty", (10.0, 400.0, 500.0, 500.0)),
         Zone("known", LINE, appearance=given),

@@ -7,12 +7,9 @@ import pytest
 
 from services.layout.segmentation import segment_page
 from services.layout.segmentation.enumerations import item_starts
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_lines import Line
 from services.ocr.engine import Word
 from tests.services.layout.segmentation.test_breaks import blank, put
-
-PARAMETERS = SegmentationParameters()
 
 
 def lines_of(*texts: str, left: float = 100.0, step: float = 24.0) -> list[Line]:
@@ -23,7 +20,7 @@ def lines_of(*texts: str, left: float = 100.0, step: float = 24.0) -> list[Line]
 
 
 def starts_of(*texts: str) -> set[int]:
-    return item_starts(lines_of(*texts), texts, PARAMETERS)
+    return item_starts(lines_of(*texts), texts)
 
 
 def test_items_are_found_by_the_numbers_that_follow_each_other() -> None:
@@ -48,16 +45,15 @@ def test_what_is_no_sequence_begins_nothing(texts: tuple[str, ...]) -> None:
     assert starts_of(*texts) == set()
 
 
-def test_items_have_one_edge_one_size_and_stand_near() -> None:
+def test_items_have_one_edge_and_one_size_and_go_down() -> None:
     texts = ("(1) one", "(2) two")
     first, second = lines_of(*texts)
     for changed in (
         replace(second, box=(140.0, *second.box[1:])),
         replace(second, em=30.0),
-        replace(second, baseline=second.baseline + 300),
         replace(second, baseline=first.baseline - 30),
     ):
-        assert item_starts([first, changed], texts, PARAMETERS) == set()
+        assert item_starts([first, changed], texts) == set()
 
 
 def test_each_item_of_a_page_is_a_zone() -> None:

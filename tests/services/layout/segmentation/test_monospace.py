@@ -8,9 +8,7 @@ import pytest
 from services.layout.segmentation.components import Boxes
 from services.layout.segmentation.monospace import cell_widths
 from services.layout.segmentation.operators import links_across
-from services.layout.segmentation.parameters import SegmentationParameters
 
-PARAMETERS = SegmentationParameters()
 HEIGHT = 10.0
 
 
@@ -30,7 +28,7 @@ def in_cells(width: float, count: int, y: float, rng: np.random.Generator) -> Bo
 def widths_of(*rows: Boxes) -> np.ndarray:
     starts = np.cumsum([0, *map(len, rows)])
     members = [np.arange(a, b) for a, b in pairwise(starts)]
-    return cell_widths(np.concatenate(rows), members, PARAMETERS)
+    return cell_widths(np.concatenate(rows), members)
 
 
 @pytest.mark.parametrize("width", [7.3, 9.81, 12.6])
@@ -74,8 +72,8 @@ def test_an_operator_links_the_words_on_both_sides_and_no_others() -> None:
         float,
     )
     equals = np.array([[45, 3, 53, 4], [45, 6, 53, 7]], float)
-    left, right = links_across(equals, words, PARAMETERS)
+    left, right = links_across(equals, words)
     assert set(zip(left.tolist(), right.tolist(), strict=True)) == {(0, 1)}
     between_sizes = np.array([[45, 84, 53, 85]], float)
-    assert links_across(between_sizes, words, PARAMETERS)[0].size == 0
-    assert links_across(np.empty((0, 4)), words, PARAMETERS)[0].size == 0
+    assert links_across(between_sizes, words)[0].size == 0
+    assert links_across(np.empty((0, 4)), words)[0].size == 0

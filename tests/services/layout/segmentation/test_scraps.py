@@ -6,7 +6,7 @@ import pytest
 
 from services.arrays import GrayImage
 from services.layout.page import Box, Page, Zone
-from services.layout.segmentation import SegmentationParameters, segment_page
+from services.layout.segmentation import segment_page
 from services.layout.segmentation.gathering import trim_figures
 from tests.services.layout.segmentation.test_breaks import blank, letter_with_foot, lines_of_zones, put
 
@@ -51,7 +51,7 @@ def test_a_figure_begins_below_the_line_that_it_crosses_with_its_upper_end() -> 
 
     def trimmed(box: Box) -> Box:
         zones = [closing, Zone("", box, kind="figure")]
-        text, figure = trim_figures(zones, SegmentationParameters())
+        text, figure = trim_figures(zones)
         assert text == closing
         return figure.box
 

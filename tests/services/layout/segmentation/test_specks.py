@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from services.layout.segmentation.ink import InkComponents
-from services.layout.segmentation.parameters import SegmentationParameters
 from services.layout.segmentation.text_line_choice import _is_regular
 from services.layout.segmentation.text_lines import measure_line
-
-PARAMETERS = SegmentationParameters()
 
 
 def alike(count: int, height: float, hang: float) -> InkComponents:
@@ -24,8 +21,8 @@ def alike(count: int, height: float, hang: float) -> InkComponents:
 @pytest.mark.parametrize(("height", "hang"), [(1.0, 0.0), (14.0, 0.0), (14.0, 3.0), (60.0, 59.5)])
 def test_one_component_is_measured_as_three_of_its_kind(height: float, hang: float) -> None:
     three = alike(3, height, hang)
-    whole = measure_line(three, np.arange(3), PARAMETERS)
-    one = measure_line(three, np.array([1]), PARAMETERS)
+    whole = measure_line(three, np.arange(3))
+    one = measure_line(three, np.array([1]))
     assert one.box == (53.0, 100.0, 62.0, 100.0 + height)
     for name in ("baseline", "em", "small", "stroke", "slant"):
         assert getattr(one, name) == pytest.approx(getattr(whole, name), rel=1e-12), name

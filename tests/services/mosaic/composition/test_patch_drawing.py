@@ -10,7 +10,6 @@ from services.arrays import Points
 from services.geometry.homographies import scaling, transform_points, translation
 from services.imaging.node_grid import take_values
 from services.mosaic.composition.patch_drawing import (
-    RIM_PX,
     DrawablePatch,
     PatchMap,
     Rectangle,
@@ -19,6 +18,7 @@ from services.mosaic.composition.patch_drawing import (
     map_patch,
     prepare_patch,
 )
+from services.mosaic.light.canvas import RIM_PX
 from services.mosaic.light.tones import ToneMap
 from services.mosaic.placing.placement import DisplacementField, Placement
 from services.sheet.plane.framing import FlatFrame

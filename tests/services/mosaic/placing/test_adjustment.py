@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from services.arrays import Homography
 from services.geometry.homographies import transform_points, translation
-from services.mosaic.placing.adjustment import AdjustmentParameters, adjust_globally, residual_px
+from services.mosaic.placing import adjustment
+from services.mosaic.placing.adjustment import adjust_globally, residual_px
 from services.mosaic.placing.placement import Placement
 from tests.services.mosaic.synthetic_views import SIZE, grid, grid_views, match, match_all, renumber
 
@@ -121,7 +122,7 @@ def test_what_curvature_leaves_is_shared_not_rejected() -> None:
     assert error_px(adjusted.H_world_flat, views) < 5
 
 
-def test_nearly_frontal_views_tell_what_a_strip_does_not() -> None:
+def test_nearly_frontal_views_tell_what_a_strip_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     with_prior, without = [], []
     for seed in range(4):
         rng = np.random.default_rng(seed)
@@ -129,7 +130,9 @@ def test_nearly_frontal_views_tell_what_a_strip_does_not() -> None:
         pairs = match_all(rng, views, noise_px=0.3, count=16)
         sizes = dict.fromkeys(views, SIZE)
         with_prior.append(error_px(adjust_globally(sizes, pairs).H_world_flat, views))
-        alone = adjust_globally(sizes, pairs, AdjustmentParameters(prior_passes=0))
+        with monkeypatch.context() as without_prior:
+            without_prior.setattr(adjustment, "PRIOR_PASSES", 0)
+            alone = adjust_globally(sizes, pairs)
         without.append(error_px(alone.H_world_flat, views))
     assert np.mean(with_prior) < 0.5 * np.mean(without)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from services.mosaic.registration.displacement_vote import VoteParameters, vote_displacements
+from services.mosaic.registration.displacement_vote import GROUPS, vote_displacements
 from services.mosaic.registration.features import FeatureMatches
 
 DIAGONAL = 1000.0
@@ -82,7 +82,7 @@ def test_chance_stays_chance() -> None:
     groups = vote_displacements(matches(np.random.default_rng(1), 0, 800, 1.0, (0, 0)), DIAGONAL)
     assert len(groups) > 1
     assert max(group.votes for group in groups) < 20
-    assert len(groups) <= VoteParameters().groups
+    assert len(groups) <= GROUPS
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

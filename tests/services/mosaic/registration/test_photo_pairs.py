@@ -20,7 +20,8 @@ from services.mosaic.registration.pair_verification import (
     verify_overlap,
 )
 from services.mosaic.registration.photo_pairs import (
-    RegistrationParameters,
+    COARSER,
+    PAIRS_PER_PHOTO,
     register_photos,
 )
 from tests.services.mosaic.warped_views import Flaws, draw_view, page, part, registration_error
@@ -86,7 +87,7 @@ def test_views_that_share_much_are_matched_at_half_the_word_scale(monkeypatch: p
     b = draw_view(page(), part(30.5, 300.2, 1.0, (0.002, -0.002, 0.2, 0.2)), (1000, 1100), 1, Flaws(seed=1))
     (pair,) = register_photos([a, b])
     assert registration_error(a, b, pair.H_a_b) < 0.5
-    assert set(looks) == {RegistrationParameters().coarser}
+    assert set(looks) == {COARSER}
 
 
 def test_a_twentieth_of_the_view_is_enough() -> None:
@@ -124,13 +125,13 @@ def test_views_that_do_not_overlap_by_the_others_are_not_verified(monkeypatch: p
 
 def test_only_sure_pairs_say_that_others_lie_apart() -> None:
     """A phrase that is printed twice once laid two photos wrongly, and by it a true pair seemed to lie apart."""
-    p, heights = RegistrationParameters(), {0: 20.0, 1: 20.0}
+    heights = {0: 20.0, 1: 20.0}
     block = np.array([[0.0, 0.0], [300.0, 0.0], [0.0, 90.0], [300.0, 90.0]])
     pair = PairRegistration(0, 1, np.eye(3), block, block, np.ones(4), 40, 20, 4, 0.95)
-    assert photo_pairs._is_sure(pair, heights, p)
-    assert not photo_pairs._is_sure(replace(pair, agreement=0.73), heights, p)
+    assert photo_pairs._is_sure(pair, heights)
+    assert not photo_pairs._is_sure(replace(pair, agreement=0.73), heights)
     line = block * [1.0, 0.2]
-    assert not photo_pairs._is_sure(replace(pair, points_a=line, points_b=line), heights, p)
+    assert not photo_pairs._is_sure(replace(pair, points_a=line, points_b=line), heights)
 
 
 def test_identical_photos_lie_on_each_other() -> None:
@@ -217,13 +218,12 @@ def test_work_on_photos_of_other_pages_grows_with_their_number(monkeypatch: pyte
     looked_at: list[tuple[int, int, float]] = []
     vote = photo_pairs._vote
 
-    def count(a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float, p: Any) -> Any:
+    def count(a: PreparedPhoto, b: PreparedPhoto, turns: int, fineness: float) -> Any:
         looked_at.append((a.photo.index, b.photo.index, fineness))
-        return vote(a, b, turns, fineness, p)
+        return vote(a, b, turns, fineness)
 
     monkeypatch.setattr(photo_pairs, "_vote", count)
     assert register_photos(noise) == ()
-    p = RegistrationParameters()
     fine = [each for each in looked_at if each[2] >= 1.0]
-    assert len(fine) == 2 * p.pairs_per_photo * len(noise)
+    assert len(fine) == 2 * PAIRS_PER_PHOTO * len(noise)
     assert len(looked_at) - len(fine) == 2 * 66

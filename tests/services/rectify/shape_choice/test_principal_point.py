@@ -14,7 +14,6 @@ from services.rectify.analysis.focal_length import focal_prior
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.shape_choice.principal_point import (
-    PrincipalPointParameters,
     aspect_cost,
     cut_border,
     find_principal_point,
@@ -32,7 +31,6 @@ from simulation.scenes import POSES, photograph
 
 pytestmark = pytest.mark.pipeline
 
-P = PrincipalPointParameters()
 CROPS = {"left": (0.25, 0.0, 0.0), "below": (0.0, 0.0, 0.2)}
 """Shares of the width cut from the left and from the right, of the height from below."""
 
@@ -57,7 +55,7 @@ def evidence_of(crop: tuple[float, float, float]) -> tuple[PageEvidence, np.ndar
 
 def pose_of(e: PageEvidence, prior: FocalPrior) -> PlanarPage:
     """The plane under the photo's middle."""
-    return choose_pose(e, prior, "planar")
+    return choose_pose(e, prior)
 
 
 def test_a_plane_shows_how_much_was_cut_from_a_side() -> None:
@@ -163,8 +161,8 @@ def test_a_camera_s_photo_costs_least_and_a_cropped_one_costs_as_the_original(
     )
     offset = (sign * 0.5 * (whole.width - part.width) / part.unit_px, 0.0)
     assert original_size(part, offset) == pytest.approx((whole.width, whole.height))
-    assert aspect_cost(part, offset, P) == pytest.approx(aspect_cost(whole, (0.0, 0.0), P), abs=1e-6)
-    assert aspect_cost(whole, (0.0, 0.0), P) < 3.0 < aspect_cost(PhotoFrame(3000, 3050), (0.0, 0.0), P)
+    assert aspect_cost(part, offset) == pytest.approx(aspect_cost(whole, (0.0, 0.0)), abs=1e-6)
+    assert aspect_cost(whole, (0.0, 0.0)) < 3.0 < aspect_cost(PhotoFrame(3000, 3050), (0.0, 0.0))
     prior = FocalPrior(0.1, 0.03, "exif", True)
     moved = prior_at(prior, part, offset)
     assert np.exp(moved.log_focal) * part.unit_px / whole.unit_px == pytest.approx(np.exp(0.1))

@@ -18,8 +18,8 @@ from services.rectify.pipeline import find_page
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.framing import find_border, frame_shape
 from services.rectify.view.orientation import draw_for_reading
+from services.rectify.view.paper_end import find_paper_end
 from services.sheet.framing import CurvedFrame
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import OutlinePlane
@@ -72,7 +72,7 @@ def frame_of(photo: RgbImage) -> PhotoFrame:
 
 
 def framed(page: ShapedPage) -> Frame:
-    return frame_shape(page, find_border(page, "sheet"), "sheet")
+    return page.frame(find_paper_end(page, "sheet", np.zeros((0, 4, 2))).reach, "sheet")
 
 
 @pytest.mark.parametrize("view", POSES, ids=lambda view: f"pose{view.name}")

@@ -155,30 +155,21 @@ def test_it_is_white_where_the_sheet_turns_away(photo: RgbImage) -> None:
     assert (image[100, 20 : frame.width // 2] < 240).all()
 
 
-def test_it_is_white_beside_a_certain_sheet(photo: RgbImage) -> None:
+def test_it_is_white_beyond_the_paper(photo: RgbImage) -> None:
     outline = SEEN.outline()
     frame = SEEN.frame(outline)
     frame = frame.through(translation(-12.0, -10.0), frame.width + 20, frame.height + 24)
     plain, cut = draw_flat_view(photo, frame), draw_flat_view(photo, frame, outline)
     sheet = np.zeros((frame.height, frame.width), np.uint8)
     cv2.fillPoly(sheet, [np.round(frame.to_flat(outline)).astype(np.int32)], 1)
-    inner = cv2.erode(sheet, np.ones((7, 7))).astype(bool)
+    # Corners are rounded by a step of the map's grid.
+    step = np.ones((2 * node_grid.GRID_STEP_PX + 1,) * 2)
+    inner = cv2.erode(sheet, step).astype(bool)
     outer = cv2.dilate(sheet, np.ones((7, 7))) == 0
     assert outer.sum() > 500
     assert np.array_equal(cut[inner], plain[inner])
     assert (cut[outer] == 255).all()
     assert not (plain[outer] == 255).all()
-
-
-def test_nothing_is_cut_by_an_uncertain_sheet(photo: RgbImage) -> None:
-    frame = SEEN.frame(SEEN.outline())
-    plain = draw_flat_view(photo, frame)
-    ragged = SEEN.outline()
-    ragged[::2] = SEEN.characters.mean(axis=0) + 0.4 * (ragged[::2] - SEEN.characters.mean(axis=0))
-    assert np.array_equal(draw_flat_view(photo, frame, ragged), plain)
-    # An outline that the sheet's map cannot place.
-    far = np.concatenate([SEEN.outline(), [[1e5, 1e5]]])
-    assert np.array_equal(draw_flat_view(photo, frame, far), plain)
 
 
 def test_bent_without_bends_is_drawn_as_the_plane_is(photo: RgbImage) -> None:

@@ -10,7 +10,6 @@ from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import typical_focal_prior
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.flatness import NOT_FLAT_PERCENT, measure_flatness
-from services.rectify.view.framing import frame_shape
 from services.rectify.view.judged_view import best_view
 from services.sheet.curved_page import estimate_curved_page
 from services.sheet.plane.framing import FlatFrame
@@ -31,7 +30,7 @@ def album() -> Album:
 
 def as_plane(shot: Shot) -> ShapedPage:
     prior = typical_focal_prior()
-    shape = choose_pose(shot.evidence, prior, "planar")
+    shape = choose_pose(shot.evidence, prior)
     points = shot.evidence.vanishing_points
     return ShapedPage(shot.frame, shape, (), None, shot.analysis, points)
 
@@ -52,7 +51,7 @@ class BentFrame(FlatFrame):
 @pytest.mark.parametrize("name", ["plain", "columns", "dirty"])
 def test_a_flat_view_expects_little(album: Album, name: str) -> None:
     page = as_plane(album[name])
-    found = measure_flatness(page, frame_shape(page, None, "sheet"))
+    found = measure_flatness(page, page.frame(None, "sheet"))
     assert found is not None
     assert found.passes
     assert found.error_percent < 0.4
@@ -63,7 +62,7 @@ def test_a_flat_view_expects_little(album: Album, name: str) -> None:
 
 def test_a_bent_view_asks_to_be_moved_by_its_bend(album: Album) -> None:
     page = as_plane(album["plain"])
-    flat = frame_shape(page, None, "text")
+    flat = page.frame(None, "text")
     assert isinstance(flat, FlatFrame)
     asked = []
     for bend in (0.0, 0.08):
@@ -79,7 +78,7 @@ def test_sides_say_more_than_text(album: Album) -> None:
     shot = album["plain"]
     outline = outline_of_truth(shot.truth, 0.3, np.random.default_rng(0))
     page = replace(as_plane(shot), outline=outline)
-    found = measure_flatness(page, frame_shape(page, None, "sheet"))
+    found = measure_flatness(page, page.frame(None, "sheet"))
     assert found is not None
     assert found.side_bend_percent is not None
     assert found.side_bend_percent < 0.1
@@ -90,7 +89,7 @@ def test_sides_say_more_than_text(album: Album) -> None:
 def test_uncertain_proportions_are_part_of_the_error_but_no_warning(album: Album) -> None:
     page = as_plane(album["plain"])
     assert isinstance(page.shape, PlanarPage)
-    frame = frame_shape(page, None, "sheet")
+    frame = page.frame(None, "sheet")
     stretched = replace(page, shape=replace(page.shape, log_aspect_deviation=0.1))
     found = measure_flatness(stretched, frame)
     assert found is not None
@@ -124,7 +123,7 @@ def test_one_side_that_a_smooth_sheet_was_not_fitted_to_asks_for_little(
         bent = estimate_curved_page(shot.evidence, typical_focal_prior())
         assert not isinstance(bent, NoShape)
         page = replace(page, shape=replace(bent, edges=read_edges(outline, shot.frame, 0.0)))
-    found = measure_flatness(page, frame_shape(page, None, "sheet"))
+    found = measure_flatness(page, page.frame(None, "sheet"))
     assert found is not None
     assert least <= found.asked_percent < most
 
@@ -135,7 +134,7 @@ def test_a_bent_page_that_was_taken_for_a_plane_is_tried_again(album: Album) -> 
     assert not isinstance(bent, NoShape)
     page = as_plane(shot)
     page = replace(page, others=iter([replace(page, shape=bent)]))
-    wrong = measure_flatness(page, frame_shape(page, None, "sheet"))
+    wrong = measure_flatness(page, page.frame(None, "sheet"))
     assert wrong is not None
     assert wrong.error_percent > NOT_FLAT_PERCENT
     view = best_view(shot.photo.image, page, RectifyParameters())

@@ -52,4 +52,3 @@ def test_a_corner_that_was_not_seen_is_missing_in_its_place(hidden: list[int]) -
 
 def test_an_outline_that_is_more_likely_wrong_gives_none() -> None:
     assert corners_by_view(None, mesh(0, False), mirrored=False) is None
-    assert corners_by_view(replace(OUTLINE, confidence=0.3), mesh(0, False), mirrored=False) is None

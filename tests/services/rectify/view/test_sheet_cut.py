@@ -1,14 +1,12 @@
 """Views are cut at the sheet's sides, never through its text, and where blank ground begins."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
 
 from services.arrays import Floats, Points, RgbImage
 from services.geometry.homographies import transform_points
-from services.geometry.page_frame import resize_frame
+from services.geometry.page_frame import resize_frame, restore_detail
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.view.drawing import whiten_beyond
@@ -16,8 +14,6 @@ from services.rectify.view.sheet_cut import (
     blank_ground,
     cut_to_outline,
     cut_to_page,
-    paper_in_photo,
-    restore_detail,
 )
 from services.sheet.framing import CurvedFrame
 from services.sheet.plane.framing import FlatFrame, frame_page
@@ -59,7 +55,7 @@ def last_corner(frame: FlatFrame) -> Points:
 @pytest.mark.parametrize("noise_px", [0.0, 0.5])
 def test_the_view_is_cut_at_the_sides_of_the_outline(noise_px: float) -> None:
     outline = outline_of(corners(), noise_px, RNG(0))
-    cut, known = cut_to_outline(VIEW, outline, text())
+    cut, known = cut_to_outline(VIEW, outline, text(), believed=True)
     assert isinstance(cut, FlatFrame)
     assert known == {"left", "top", "right", "bottom"}
     assert shown_corner(cut) == pytest.approx(SHEET[:2], abs=1.0 + 2 * noise_px)
@@ -69,7 +65,7 @@ def test_the_view_is_cut_at_the_sides_of_the_outline(noise_px: float) -> None:
 @pytest.mark.parametrize("missing", range(4))
 def test_a_side_that_is_not_seen_is_not_cut_at(missing: int) -> None:
     seen = tuple(k for k in range(4) if k != missing)
-    cut, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0), seen), text())
+    cut, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0), seen), text(), believed=True)
     names = ("top", "right", "bottom", "left")
     assert known == {names[k] for k in seen}
     whole = {"top": 0, "left": 0, "right": VIEW.width - 1, "bottom": VIEW.height - 1}[names[missing]]
@@ -83,19 +79,24 @@ def test_a_side_that_is_not_seen_is_not_cut_at(missing: int) -> None:
 def test_a_side_that_would_cut_text_off_is_not_believed() -> None:
     # A frame printed on the page, with a page number below.
     below = np.concatenate([text(), text((350.0, 985.0, 450.0, 995.0))[:30]])
-    cut, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), below)
+    cut, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), below, believed=False)
     assert known == {"left", "top", "right"}
     seen = transform_points(np.linalg.inv(cut.H_photo_flat), below) if isinstance(cut, FlatFrame) else below
     assert (seen > 0).all()
     assert (seen < [cut.width - 1, cut.height - 1]).all()
 
 
-def test_an_outline_of_low_confidence_and_slanting_sides_are_left_alone() -> None:
-    outline = outline_of(corners(), 0.3, RNG(0))
-    assert cut_to_outline(VIEW, replace(outline, confidence=0.3), text()) == (VIEW, frozenset())
+def test_beyond_a_believed_outline_lie_specks_and_no_text() -> None:
+    specks = np.concatenate([text(), text((350.0, 985.0, 450.0, 995.0))[:30]])
+    _, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), specks, believed=True)
+    assert known == {"left", "top", "right", "bottom"}
+
+
+def test_slanting_sides_are_left_alone() -> None:
     kite = np.array([[400.0, 100.0], [750.0, 500.0], [420.0, 1000.0], [60.0, 520.0]])
     assert (
-        cut_to_outline(VIEW, outline_of(transform_points(LEAN, kite), 0.3, RNG(0)), text())[1] == frozenset()
+        cut_to_outline(VIEW, outline_of(transform_points(LEAN, kite), 0.3, RNG(0)), text(), believed=True)[1]
+        == frozenset()
     )
 
 
@@ -275,24 +276,14 @@ def test_what_lies_beyond_the_sheet_is_white() -> None:
     torn = corners()
     torn[0] = transform_points(LEAN, np.array([[160.0, 180.0]]))[0]
     outline = outline_of(torn, 0.0, RNG(0))
-    frame, _ = cut_to_outline(VIEW, outline_of(corners(), 0.0, RNG(0)), text())
-    polygon = paper_in_photo(outline, text())
-    assert polygon is not None
+    frame, _ = cut_to_outline(VIEW, outline_of(corners(), 0.0, RNG(0)), text(), believed=True)
     flat = np.full((frame.height, frame.width, 3), 90, np.uint8)
-    whiten_beyond(flat, frame, polygon)
+    whiten_beyond(flat, frame, outline.polygon)
     assert (flat[2, 2] == 255).all()
     # Half way along the torn sides, well inside and well outside of them.
     assert (flat[150, 150] == 90).all()
     assert (flat[-20:, -20:-10] == 90).all()
     assert 0.005 < (flat == 255).mean() < 0.12
-
-
-def test_print_beyond_the_outline_and_doubt_keep_what_lies_beyond() -> None:
-    outline = outline_of(corners(), 0.0, RNG(0))
-    assert paper_in_photo(outline, text()) is not None
-    assert paper_in_photo(replace(outline, confidence=0.7), text()) is None
-    beyond = np.concatenate([text(), text((300.0, 980.0, 500.0, 1010.0))[:200]])
-    assert paper_in_photo(outline, beyond) is None
 
 
 class OneWay:

@@ -1,5 +1,6 @@
 """Plans of views: what is drawn by a plan is what is drawn by the page, also turned, and after it was kept."""
 
+import io
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,13 +47,25 @@ def test_a_kept_plan_draws_what_the_page_draws(frame: Frame, turn: int) -> None:
     photo = np.ascontiguousarray(np.kron(photo, np.ones((8, 8, 1), np.uint8)))
     paper = np.array([[30.0, 40.0], [280.0, 50.0], [270.0, 300.0], [40.0, 290.0]])
     text = np.array([[100.0, 120.0], [200.0, 180.0], [5000.0, 10.0]])
-    view = plan_view(frame, None, paper, text)
+    view = plan_view(frame, paper, text)
     kept = unpack_plan(ViewPlan({"sheet": view, "text": view}).packed).views["text"]
-    drawn = draw_flat_view(photo, turn_frame(frame, turn, mirrored=False), None, paper)
-    again = draw_flat_view(photo, turn_frame(kept.frame, turn, mirrored=False), None, kept.paper)
+    drawn = draw_flat_view(photo, turn_frame(frame, turn, mirrored=False), paper)
+    again = draw_flat_view(photo, turn_frame(kept.frame, turn, mirrored=False), kept.paper)
     assert drawn.shape == again.shape
     assert np.abs(drawn.astype(int) - again).mean() < 2.0
     assert kept.characters is not None
     assert np.allclose(kept.characters, frame.to_flat(text[:2]), atol=1e-3)
     points = np.array([[120.0, 130.0], [180.0, 222.5]])
     assert np.abs(kept.frame.to_flat(kept.frame.to_photo(points)) - points).max() < 0.3
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_a_plan_with_the_border_of_earlier_releases_is_read(torn: bool) -> None:
+    border = np.array(
+        [[30.0, 40.0], [280.0, 50.0], [150.0 if torn else 275.0, 200.0], [270.0, 300.0], [40.0, 290.0]]
+    )
+    buffer = io.BytesIO()
+    np.savez(buffer, **{"sheet.size": np.array([250, 310]), "sheet.H": H, "sheet.border": border})
+    kept = unpack_plan(buffer.getvalue()).views["sheet"]
+    assert (kept.paper is None) == torn
+    assert kept.characters is None

@@ -10,10 +10,28 @@ from hypothesis import strategies as st
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
 from services.robust import cauchy, soft_l1
-from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations, Run
+from services.sheet.developable.observations import (
+    MARGIN_DEVIATION,
+    NO_LINES,
+    SLANT_MEAN_RAD,
+    TILT_RAD,
+    LineObservations,
+    PageObservations,
+    Run,
+)
 from services.sheet.developable.residuals import (
+    BEND,
+    BEND_CHANGE,
+    BEND_DIFFERENCE,
     BENDS,
+    GROWTH,
+    GROWTH_DEVIATION,
+    MAJOR_RAD,
+    MINOR_RAD,
+    RIM_DIFFERENCE,
     SLANT,
+    SLOPE,
+    USUAL_SKEW_RAD,
     FittingParameters,
     PageResiduals,
     Residual,
@@ -136,21 +154,21 @@ def test_the_type_of_a_frontal_page_leans_as_it_is_seen() -> None:
     lean = 0.01
     parts = residuals_of(FRONTAL, frontal(major=lean, weight=0.5)).parts(at(FRONTAL))
     # Twelve windows share their ink; half the weight doubles the variance.
-    assert np.allclose(parts["major"].value, lean / (P.major_rad * np.sqrt(12 / 0.5)), rtol=1e-4)
+    assert np.allclose(parts["major"].value, lean / (MAJOR_RAD * np.sqrt(12 / 0.5)), rtol=1e-4)
     assert np.allclose(parts["minor"].value, 0, atol=1e-6)
     upright = replace(frontal(), minor=seen(angle=np.pi / 2 - lean))
     parts = residuals_of(FRONTAL, upright).parts(at(FRONTAL))
-    assert np.allclose(parts["minor"].value, (lean - SLANT_RAD) / (P.minor_rad * np.sqrt(4)), rtol=1e-4)
+    assert np.allclose(parts["minor"].value, (lean - SLANT_RAD) / (MINOR_RAD * np.sqrt(4)), rtol=1e-4)
     # Directions have no sense: those that point back are the same.
     back = replace(frontal(), major=seen(angle=lean - np.pi), minor=seen(angle=-np.pi / 2 - SLANT_RAD))
     parts = residuals_of(FRONTAL, back).parts(at(FRONTAL))
-    assert np.allclose(parts["major"].value, lean / (P.major_rad * np.sqrt(12)), rtol=1e-4)
+    assert np.allclose(parts["major"].value, lean / (MAJOR_RAD * np.sqrt(12)), rtol=1e-4)
     assert np.allclose(parts["minor"].value, 0, atol=1e-6)
 
 
 def test_samples_of_little_weight_are_not_thrown_away() -> None:
     parts = residuals_of(FRONTAL, frontal(major=0.01, weight=0.0)).parts(at(FRONTAL))
-    assert np.allclose(parts["major"].value, 0.01 / (P.major_rad * np.sqrt(12 / 0.05)), rtol=1e-4)
+    assert np.allclose(parts["major"].value, 0.01 / (MAJOR_RAD * np.sqrt(12 / 0.05)), rtol=1e-4)
 
 
 def test_lines_are_as_crooked_as_they_are_seen() -> None:
@@ -198,7 +216,7 @@ def test_margins_are_flush_with_their_median_end() -> None:
     margin[:, 0] += [0.0, 0.01, -0.003, 0.004, 0.02]
     lines = replace(lines, margins=[margin, lines.margins[0]])
     found = residuals_of(FRONTAL, frontal(lines)).parts(at(FRONTAL))["margins"].value
-    expected = np.array([-0.004, 0.006, -0.007, 0.0, 0.016]) / (P.margin * 0.02)
+    expected = np.array([-0.004, 0.006, -0.007, 0.0, 0.016]) / (MARGIN_DEVIATION * 0.02)
     assert np.allclose(found[:5], expected, atol=1e-6)
     assert np.allclose(found[5:], 0, atol=1e-9)
 
@@ -210,13 +228,13 @@ def test_rulings_keep_apart_within_the_hull() -> None:
     residuals = residuals_of(bent, observed)
     s, t = bent.surface().to_sheet(hull).T
     growth = 1 + t * (1.0 + 0.2 * s)
-    expected = np.maximum(P.growth - growth, 0) / P.growth_deviation
+    expected = np.maximum(GROWTH - growth, 0) / GROWTH_DEVIATION
     assert expected[0] == 0 < expected[1]
     found = residuals.parts(at(bent))["crossing"]
     assert np.allclose(found.value, expected, atol=1e-6)
     # By the slopes at fixed places of the sheet.
     assert s[2] > 0.1
-    assert np.allclose(found.slope[2, 5:7], -t[2] * np.array([1, 2 * s[2]]) / P.growth_deviation)
+    assert np.allclose(found.slope[2, 5:7], -t[2] * np.array([1, 2 * s[2]]) / GROWTH_DEVIATION)
     assert not found.slope[0].any()
 
 
@@ -242,22 +260,22 @@ def test_priors_pull_to_what_is_usual() -> None:
     x[BENDS:] = k
     bent = residuals.evaluate(x)[0]
     # 21 of the bends, and log f, skew, two slopes, slant, and the two parts of the tilt before them.
-    rim = P.rim_difference
-    differences = np.array([rim, rim, *[P.bend_difference] * 3, rim, rim])
+    rim = RIM_DIFFERENCE
+    differences = np.array([rim, rim, *[BEND_DIFFERENCE] * 3, rim, rim])
     assert np.allclose(bent[priors:-14], np.diff(k) / differences)
-    assert np.allclose(bent[-14:-8], np.diff(k, 2) / P.bend_change)
-    assert np.allclose(bent[-8:], k / P.bend)
+    assert np.allclose(bent[-14:-8], np.diff(k, 2) / BEND_CHANGE)
+    assert np.allclose(bent[-8:], k / BEND)
     assert np.allclose(flat[priors:], 0)
     assert np.allclose(
         bent[priors - 7 : priors],
         [
             np.log(1.5 / 1.2) / 0.1,
-            0.5 * np.sin(0.6) / P.skew_rad,
-            0.06 / P.slope,
-            -0.03 / P.slope,
-            (0.01 - P.slant_mean_rad) / P.slant_rad,
+            0.5 * np.sin(0.6) / USUAL_SKEW_RAD,
+            0.06 / SLOPE,
+            -0.03 / SLOPE,
+            (0.01 - SLANT_MEAN_RAD) / P.slant_rad,
             0.0,
-            -0.2 / P.tilt_rad,
+            -0.2 / TILT_RAD,
         ],
         atol=1e-9,
     )
@@ -280,7 +298,7 @@ def test_only_observations_are_under_a_loss() -> None:
     x = at(FRONTAL)
     x[BENDS] = 200.0
     value, _ = residuals.evaluate(x)
-    assert value[-8] == pytest.approx(200 / P.bend)
+    assert value[-8] == pytest.approx(200 / BEND)
     part = residuals.parts(x)
     n = len(part["major"].value)
     assert np.allclose(value[:n], soft_l1(part["major"].value)[0])

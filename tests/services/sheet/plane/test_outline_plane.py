@@ -12,9 +12,9 @@ from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.outline.results import SheetOutline
+from services.sheet.plane import outline_plane
 from services.sheet.plane.outline_plane import (
     OutlinePlane,
-    OutlinePlaneParameters,
     plane_from_lines,
     read_sides,
     side_lines,
@@ -22,14 +22,14 @@ from services.sheet.plane.outline_plane import (
 from tests.services.sheet.sheet_sides import ALL, FRAME, leaning, outline_of, seen_rectangle
 
 TYPICAL = typical_focal_prior()
-EXACT = OutlinePlaneParameters(cut_rad=1e-12)
-"""Sides that are known without any error; else the sheet's own squareness is allowed for."""
 
 
-def plane_of(
-    outline: SheetOutline, prior: FocalPrior = TYPICAL, parameters: OutlinePlaneParameters | None = None
-) -> OutlinePlane:
-    sides = read_sides(outline, FRAME, prior, parameters)
+def plane_of(outline: SheetOutline, prior: FocalPrior = TYPICAL, *, exact: bool = False) -> OutlinePlane:
+    """`exact`: sides that are known without any error; else the sheet's own squareness is allowed for."""
+    with pytest.MonkeyPatch.context() as patch:
+        if exact:
+            patch.setattr(outline_plane, "CUT_RAD", 1e-12)
+        sides = read_sides(outline, FRAME, prior)
     assert sides is not None
     assert isinstance(sides.plane, OutlinePlane), sides.plane
     return sides.plane
@@ -62,7 +62,7 @@ def test_exact_sides_give_pose_focal_length_and_aspect(
     corners = seen_rectangle(aspect, rotation, focal, (x, -x))
     assume(int(np.argmin(corners.sum(axis=1))) == 0)  # else another side is on top
     outline = outline_of(corners, 0.0, np.random.default_rng(0))
-    found = plane_of(outline, parameters=EXACT)
+    found = plane_of(outline, exact=True)
     assert np.allclose(found.plane.rotation, rotation, atol=1e-6)
     assert found.plane.focal == pytest.approx(focal, rel=1e-6)
     assert found.aspect == pytest.approx(aspect, rel=1e-6)
@@ -128,7 +128,7 @@ def test_three_sides_and_a_known_focal_length_suffice(missing: int) -> None:
     corners = seen_rectangle(0.7, rotation, 1.4)
     sides = tuple(k for k in ALL if k != missing)
     outline = outline_of(corners, 0.0, np.random.default_rng(0), sides)
-    found = plane_of(outline, FocalPrior(float(np.log(1.4)), 0.003, "given"), EXACT)
+    found = plane_of(outline, FocalPrior(float(np.log(1.4)), 0.003, "given"), exact=True)
     assert np.allclose(found.plane.rotation, rotation, atol=1e-6)
     assert found.aspect is None
     assert found.log_aspect_deviation < 0.01
@@ -146,7 +146,6 @@ def test_two_sides_are_no_plane_but_lines() -> None:
 def test_an_outline_of_low_confidence_and_none_are_not_used() -> None:
     outline = outline_of(seen_rectangle(0.7, np.eye(3), 1.3), 0.3, np.random.default_rng(0))
     assert read_sides(None, FRAME, TYPICAL) is None
-    assert read_sides(replace(outline, confidence=0.2), FRAME, TYPICAL) is None
     assert read_sides(replace(outline, confidence=0.6), FRAME, TYPICAL) is not None
 
 

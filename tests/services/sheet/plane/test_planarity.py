@@ -5,7 +5,7 @@ import pytest
 
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints, VanishingPoint
-from services.sheet.plane.planarity import PlanarityParameters, discriminate_surface
+from services.sheet.plane.planarity import MAJOR_LIMIT, MINOR_LIMIT, discriminate_surface
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.vanishing_points import estimate_vanishing_points
 from simulation.camera import Camera, Pose
@@ -57,7 +57,7 @@ def test_exact_flows_of_a_plane_have_no_rank_left(view: View) -> None:
 def test_convergence_worsens_with_curvature() -> None:
     series = [exact_flows(shape).horizontal.convergence for shape in CURVATURE_SERIES]
     assert (np.diff(series) > 0).all()
-    assert series[0] > PlanarityParameters().major_limit
+    assert series[0] > MAJOR_LIMIT
     # The page bends round its own vertical: strokes stay parallel to the rulings.
     assert exact_flows(CURVATURE_SERIES[3]).vertical.convergence < 1e-6
 
@@ -70,9 +70,8 @@ def test_either_flow_of_full_rank_tells_a_curved_page(major: float, minor: float
     horizontal, vertical = (
         VanishingPoint(np.array([1.0, 0, 0]), value, 0.0, np.ones(3, bool)) for value in (major, minor)
     )
-    p = PlanarityParameters(major_limit=0.010, minor_limit=0.040)
-    assert discriminate_surface(FlowVanishingPoints(horizontal, vertical), 22.0, p) == kind
-    assert PlanarityParameters().major_limit < PlanarityParameters().minor_limit  # "a tighter threshold"
+    assert discriminate_surface(FlowVanishingPoints(horizontal, vertical), 22.0) == kind
+    assert MAJOR_LIMIT < MINOR_LIMIT  # "a tighter threshold"
 
 
 def test_small_print_may_have_rougher_strokes_but_no_rougher_lines() -> None:

@@ -10,10 +10,10 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import denominators, transform_points
 from services.geometry.planar import PagePlane
 from services.rectify.analysis.focal_length import focal_prior
+from services.sheet.plane import pose as pose_module
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.outline_plane import SheetSides, read_sides
 from services.sheet.plane.planar_page import PlanarPage
-from services.sheet.plane.planarity import discriminate_surface
 from services.sheet.plane.pose import (
     PoseParameters,
     choose_pose,
@@ -32,14 +32,13 @@ from tests.services.sheet.sheet_sides import outline_of_truth
 
 def pose_of(shot: Shot, prior: FocalPrior | None = None) -> PlanarPage:
     """The pose that the pipeline would choose."""
-    kind = discriminate_surface(shot.vanishing_points, shot.analysis.text_height_px)
-    return choose_pose(shot.evidence, prior or focal_prior(shot.frame, None, None), kind)
+    return choose_pose(shot.evidence, prior or focal_prior(shot.frame, None, None))
 
 
 def pose_with(shot: Shot, sides: SheetSides | None, prior: FocalPrior | None = None) -> PlanarPage:
     """The pose that the pipeline would choose with the sheet's sides in view."""
     prior = prior or focal_prior(shot.frame, None, None)
-    return choose_pose(shot.evidence, prior, "planar", sheet=sides)
+    return choose_pose(shot.evidence, prior, sheet=sides)
 
 
 def sides_of(shot: Shot) -> SheetSides:
@@ -255,19 +254,18 @@ def test_flows_of_no_plane_leave_the_photo_as_it_is_but_for_a_turn(album: Album)
     major, minor = radial(shot.major, 0.0), radial(shot.minor, np.pi / 2)
     points = estimate_vanishing_points(major, minor)
     prior = focal_prior(shot.frame, None, None)
-    pose = choose_pose(
-        replace(shot.evidence, major=major, minor=minor, vanishing_points=points), prior, "curved"
-    )
+    pose = choose_pose(replace(shot.evidence, major=major, minor=minor, vanishing_points=points), prior)
     assert len(pose.notices) == 1
     assert pose.notices[0].code in ("implausible-pose", "already-flat")
     assert pose.surface(shot.frame).normal == (0.0, 0.0, 1.0)
     assert np.isfinite(pose.plane.H_centred_plane).all()
 
 
-def test_an_unseen_focal_length_is_called_uncertain(album: Album) -> None:
+def test_an_unseen_focal_length_is_called_uncertain(album: Album, monkeypatch: pytest.MonkeyPatch) -> None:
     shot = album["plain"]
     prior = focal_prior(shot.frame, None, None)
-    pose = choose_pose(shot.evidence, prior, "planar", PoseParameters(aspect_deviation=0.0))
+    monkeypatch.setattr(pose_module, "ASPECT_DEVIATION", 0.0)
+    pose = choose_pose(shot.evidence, prior)
     assert [notice.code for notice in pose.notices] == ["aspect-ratio-uncertain"]
     assert "focal_length_px" in pose.notices[0].detail
 

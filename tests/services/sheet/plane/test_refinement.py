@@ -10,6 +10,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.planar import PagePlane, estimate_plane
 from services.rectify.analysis.focal_length import focal_prior
 from services.sheet.plane.flat_lines import (
+    BASELINE_FLOOR_RAD,
     FlatObservations,
     RefinementParameters,
     for_text,
@@ -203,7 +204,6 @@ def test_deviations_are_widened_and_never_narrowed() -> None:
     assert wide.baseline_factor == pytest.approx(2 * p.baseline_factor)
     assert wide.spacing == pytest.approx(3 * p.spacing)
     assert wide.spacing_between == pytest.approx(3 * p.spacing_between)
-    assert wide.margin == p.margin
 
 
 @pytest.mark.parametrize("factor", [1.0, 4.0])
@@ -211,7 +211,7 @@ def test_scales_tell_how_rough_the_lines_are(factor: float) -> None:
     # Lines set by hand: each turned and moved at random, so much as assumed or four times as much.
     plane, rng, p = photograph_plane(POSES[2]), np.random.default_rng(5), RefinementParameters()
     y = 100 + 29.0 * np.arange(36) + rng.normal(0, factor * p.spacing * 29, 36)
-    rise = rng.normal(0, factor * p.baseline_floor_rad * 670, 36)
+    rise = rng.normal(0, factor * BASELINE_FLOOR_RAD * 670, 36)
     starts, ends = (
         np.stack([np.full(36, 65.0), y - rise / 2], axis=1),
         np.stack([np.full(36, 735.0), y + rise / 2], 1),
@@ -234,20 +234,18 @@ def test_lines_are_observed_in_the_photo() -> None:
     assert [len(p.lines) for p in lines.paragraphs] == [20, 16]
     assert [group.tolist() for group in lines.alike] == [[0, 1]]
     assert [(len(members), side) for members, side in lines.margins] == [(36, "left"), (34, "right")]
-    assert (lines.slope_deviations >= RefinementParameters().baseline_floor_rad).all()
+    assert (lines.slope_deviations >= BASELINE_FLOOR_RAD).all()
     assert np.allclose(lines.relative_heights[0], 12 / 670)
 
 
 def test_spacings_are_alike_within_the_tolerance() -> None:
     plane = photograph_plane(POSES[0])
-    parameters = RefinementParameters(spacing_alike=1e-9)
     y = np.concatenate([100 + 29.0 * np.arange(15), 560 + 40.0 * np.arange(12)])
     starts, ends = (np.stack([np.full(27, x), y], axis=1) for x in (65.0, 735.0))
     lines = Baselines(starts, ends, np.full(27, 12.0), np.full(27, 0.1))
-    for p in (parameters, RefinementParameters()):
-        found = observe_lines(lines, plane.H_centred_page, p)
-        assert len(found.paragraphs) == 2
-        assert found.alike == []
+    found = observe_lines(lines, plane.H_centred_page, RefinementParameters())
+    assert len(found.paragraphs) == 2
+    assert found.alike == []
 
 
 @pytest.mark.parametrize("view", POSES, ids=lambda view: f"pose{view.name}")

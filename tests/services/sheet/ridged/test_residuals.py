@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from services.arrays import Floats, Vector
+from services.sheet.ridged import residuals
 from services.sheet.ridged.blocks import ResidualBlock, robust, single_entries, stacked
 from services.sheet.ridged.observations import SheetObservations
-from services.sheet.ridged.parameters import RidgedParameters, Stage
+from services.sheet.ridged.parameters import STRETCH, RidgedParameters, Stage
 from services.sheet.ridged.residuals import LOST, SheetResiduals
 from tests.services.sheet.ridged.sheets import CURVED, FLAT, FOLDED, Sheet, observe
 
@@ -31,7 +32,15 @@ KINDS = (
     "priors",
 )
 LAST = Stage(8, 1.0, 1.0, 1.0)
-UPRIGHT = replace(RidgedParameters(), slant_rad=0.0)
+UPRIGHT = RidgedParameters()
+
+
+@pytest.fixture(autouse=True)
+def upright_type(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The strokes of these pages are upright, as those of no real type are."""
+    monkeypatch.setattr(residuals, "SLANT_MEAN_RAD", 0.0)
+
+
 """The type of these sheets does not lean."""
 
 
@@ -103,10 +112,11 @@ def test_a_flat_sheet_explains_what_is_seen_of_it() -> None:
         assert np.abs(block.values).max(initial=0.0) < 1e-4, kind
 
 
-def test_the_right_noise_gives_residuals_of_one() -> None:
+def test_the_right_noise_gives_residuals_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
     observed = observe(FLAT, np.random.default_rng(0))
-    p = replace(UPRIGHT, least_line=0.0, least_side=0.0)
-    at = blocks(residuals_of(FLAT, observed, p=p), residuals_of(FLAT, observed, p=p).x0)
+    monkeypatch.setattr(residuals, "LEAST_LINE", 0.0)
+    monkeypatch.setattr(residuals, "LEAST_SIDE", 0.0)
+    at = blocks(residuals_of(FLAT, observed), residuals_of(FLAT, observed).x0)
     for kind in ("lines", "top", "right", "bottom", "left"):
         assert 0.75 < np.std(at[kind].values) < 1.25, kind
     # A window's angle is off by a degree, and overlapping windows count less.
@@ -142,7 +152,7 @@ def test_paper_that_stretches_costs_by_how_much() -> None:
     stretched[nodes] *= 1.01
     values = blocks(residuals, stretched)["stretch"].values
     # Edges by a hundredth, five deviations; diagonals by as much of their length.
-    share = values / (0.01 / residuals.p.stretch)
+    share = values / (0.01 / STRETCH)
     assert share.min() == pytest.approx(1.0, abs=1e-6)
     assert 1.3 < share.max() < 1.6
     turned = x.copy()

@@ -212,11 +212,11 @@ def test_tiny_views_have_no_lines(shape: tuple[int, int]) -> None:
 
 def test_values_are_grouped_within_the_tolerance_of_the_least() -> None:
     values = np.array([1.0, 2.0, 1.04, 5.0, 2.05, 1.049, 1.06, 2.11])
-    groups = [sorted(g.tolist()) for g in group_alike(values, 0.05)]
+    groups = [sorted(g.tolist()) for g in group_alike(values)]
     # 1.06 is more than 5 % above 1, and stays alone, as do 5 and 2.11.
     assert groups == [[0, 2, 5], [1, 4]]
-    assert group_alike(np.zeros(0), 0.05) == []
-    assert group_alike(np.array([3.0]), 0.05) == []
+    assert group_alike(np.zeros(0)) == []
+    assert group_alike(np.array([3.0])) == []
 
 
 def test_the_flat_view_shows_the_ink_where_it_is() -> None:

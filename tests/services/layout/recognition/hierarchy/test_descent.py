@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from services.layout.recognition.classification import ClassificationParameters
+from services.layout.recognition.classification import SHARE_OF_MEAN
 from services.layout.recognition.hierarchy import Competitor, Hierarchy, descent, rank_models
 from services.layout.recognition.page_recognition import VersionedModel
 from tests.services.layout.recognition.hierarchy.bases import NAMES, base, competitors, compiled, graph_of
@@ -43,7 +43,7 @@ def test_what_is_ruled_out_stands_behind_what_was_looked_at() -> None:
     hierarchy, graph = Hierarchy(models, NAMES), graph_of("margin", 1002)
     ranking = hierarchy.rank(graph)
     means = np.array([each.model.calibration.mean for each in models])
-    excess = ranking.comparable / graph.zones - ClassificationParameters().share_of_mean * means
+    excess = ranking.comparable / graph.zones - SHARE_OF_MEAN * means
     by_genre = [excess[list(genre)] for genre in genres_of(hierarchy)]
     ruled_out = [values for values in by_genre if np.ptp(values) < 1e-9]
     looked = np.concatenate([values for values in by_genre if np.ptp(values) >= 1e-9])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from services.imaging.sheet_edges import SheetEdges
-from services.rectify.view.edge_cropping import crop_frame
+from services.rectify.view.sheet_cut import crop_frame
 from services.sheet.plane.framing import FlatFrame
 
 

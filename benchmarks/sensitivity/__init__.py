@@ -1,1 +1,0 @@
-"""How much each parameter of a step matters: each is changed alone, and figures are compared with the truth."""
