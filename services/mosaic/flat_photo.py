@@ -1,8 +1,11 @@
 """A photo and the flat view in which it is registered."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from services.arrays import GrayImage, Mask, Points, RgbImage
+import numpy as np
+
+from services.arrays import GrayImage, Mask, Points, RgbImage, Vector
 from services.geometry.page_frame import Frame
 from services.notices import Notice
 
@@ -26,6 +29,7 @@ class FlatPhoto:
     weight : confidence in its rectification relative to other photos: its number of characters.
     notices : notices about the photo for the result.
     sheet : (N, 2) photo pixels, outline of the sheet if its edge is visible against the background; else None.
+    error_percent : RMS error of the view to expect, percent of its width; None where nothing shows it.
     """
 
     index: int
@@ -38,6 +42,7 @@ class FlatPhoto:
     weight: float
     notices: tuple[Notice, ...] = ()
     sheet: Points | None = None
+    error_percent: float | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -47,3 +52,14 @@ class FlatPhoto:
     def to_photo(self, flat: Points) -> Points:
         """Photo pixels (N, 2) of flat pixels (N, 2)."""
         return self.frame.to_photo(flat)
+
+
+def trust_by_error(photos: Sequence[FlatPhoto]) -> Vector:
+    """Weights (n,) of views by the errors to expect of them, as of measurements: 1/error^2, 1 for the best view.
+
+    A view that shows nothing of its error counts as the middle one of the others.
+    """
+    known = [photo.error_percent for photo in photos if photo.error_percent is not None]
+    usual = float(np.median(known)) if known else 1.0
+    errors = np.array([usual if photo.error_percent is None else photo.error_percent for photo in photos])
+    return np.asarray((errors.min() / errors) ** 2)

@@ -19,6 +19,7 @@ from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import find_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_gray_view
+from services.rectify.view.flatness import measure_flatness
 from services.sheet.plane.framing import FlatFrame
 from services.texture_flow.text_identification import identify_text
 
@@ -71,8 +72,10 @@ def flatten_photo(
             # A picture may divide the sheet. Its hull is still known where a background is visible around it.
             sheet = analysis.paper.hull(characters)
             sheet = None if sheet is None or _has_text_outside(analysis, sheet) else sheet
+        flatness = measure_flatness(page, frame)
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
-    return replace(flat, notices=notices, sheet=sheet)
+    error_percent = None if flatness is None else flatness.error_percent
+    return replace(flat, notices=notices, sheet=sheet, error_percent=error_percent)
 
 
 def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:

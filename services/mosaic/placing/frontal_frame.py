@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Homography, Mask, Points, Vector
 from services.geometry.homographies import denominators, scaling, transform_points, translation
 from services.geometry.page_frame import FramingParameters
-from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flat_photo import FlatPhoto, trust_by_error
 from services.robust import cauchy_weights, geman_mcclure_weights
 
 Complex = NDArray[np.complex128]
@@ -88,6 +88,7 @@ def agree_on_frontal_frame(
     """
     order = list(H_world_flat)
     weights = np.array([max(photos[k].weight, 1e-9) for k in order])
+    weights *= trust_by_error([photos[k] for k in order])
     outlines = [_outline(photos[k].shown) for k in order]
     views = [_view(outline, H_world_flat[k]) for k, outline in zip(order, outlines, strict=True)]
     agreed = agree_on_views(views, weights / weights.sum())

@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from services.arrays import Floats, Homography, Mask, Points, Vector
 from services.geometry.homographies import jacobians, transform_points
-from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flat_photo import FlatPhoto, trust_by_error
 from services.mosaic.placing.placement import DisplacementField
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.robust import CAUCHY_WIDTH, MEDIAN_LENGTH, cauchy_weights
@@ -149,7 +149,10 @@ def estimate_residual_warp(
     before = float(of_pairs[worst])
     if before < WORTHWHILE * text_height:
         return ResidualWarp(dict(none), before, before)
-    priors = _priors(grids, scales)
+    trust = trust_by_error([photos[k] for k in grids])
+    # The displacement to expect of a view is its error, so that a good view hardly moves beside a bad one.
+    stiff = dict(zip(grids, np.sqrt(trust * np.mean(1 / trust)).tolist(), strict=True))
+    priors = _priors(grids, scales, stiff)
     for stiffness in (1.0, STIFFER, STIFFER**2):
         weighed = priors * (stiffness / before) ** 2
         nodes = _fit(matches, fitted, weighed, text_height)
@@ -219,8 +222,8 @@ def _gather(
     )
 
 
-def _priors(grids: Mapping[int, _Grid], scales: Mapping[int, float]) -> csr_array:
-    """Quadratic form of the cost of displacements: their size, slope and curvature over the reach.
+def _priors(grids: Mapping[int, _Grid], scales: Mapping[int, float], stiff: Mapping[int, float]) -> csr_array:
+    """Quadratic form of the cost of displacements: their size, slope and curvature over the reach, `stiff` times.
 
     Differences over h are expected to be h / reach, second differences (h / reach)^2. Therefore a field decreases to 0
     within about the reach outside of data, and hardly overshoots.
@@ -233,7 +236,7 @@ def _priors(grids: Mapping[int, _Grid], scales: Mapping[int, float]) -> csr_arra
         h_x = (grid.width - 1) / (grid.columns - 1) * scales[k] / reach
         h_y = (grid.height - 1) / (grid.rows - 1) * scales[k] / reach
         # The sum over nodes approximates an integral over cells, in units of the reach.
-        area = np.sqrt(h_x * h_y)
+        area = np.sqrt(h_x * h_y) * stiff[k]
         blocks += [
             _rows([ids], [area], total),
             _rows([ids[:, 1:], ids[:, :-1]], [area / h_x, -area / h_x], total),
