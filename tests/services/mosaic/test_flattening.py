@@ -7,8 +7,8 @@ from services.contract.cameras import CameraMemory
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import jacobians, scaling, transform_points
-from services.mosaic import flattening
 from services.mosaic.flattening import flatten_photo, take_as_flat, view_photo
+from services.rectify import pipeline
 from services.rectify.stage_clock import StageClock
 from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.views import look_at, page_image, photograph
@@ -50,7 +50,8 @@ def test_the_remembered_camera_takes_part_in_the_pose(monkeypatch: pytest.Monkey
         asked.append(prior)
         raise NoText("enough")
 
-    monkeypatch.setattr(flattening, "shape_page", shape)
+    monkeypatch.setattr(pipeline, "flat_page", lambda *_, **__: None)
+    monkeypatch.setattr(pipeline, "shape_page", shape)
     memory = CameraMemory("phone", 0.3, 0.02, 5)
     for known in (memory, None):
         with pytest.raises(NoText):
