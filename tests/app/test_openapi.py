@@ -11,8 +11,9 @@ from fastapi.routing import APIRoute
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from schemathesis.specs.openapi.checks import positive_data_acceptance
+from schemathesis.specs.openapi.checks import negative_data_rejection, positive_data_acceptance
 
+from app.http.json_bodies import MOST_BYTES
 from app.http.middleware import WORK
 from app.http.problems import STATUS_OF_CODE
 from app.main import ROUTERS, create_app
@@ -63,9 +64,25 @@ def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: st
             not {"labels", "zones"} <= case.body.keys()
         )  # the document cannot say that one excludes the other
     response = case.call(base_url=base_url)
-    case.validate_response(
-        response, excluded_checks=[positive_data_acceptance] if is_refused_by_the_models(response) else []
+    refused = (
+        is_refused_by_the_models(response) or is_refused_for_its_size(response) or sends_text_as_file(case)
     )
+    # Where its size alone speaks, nobody has looked at what is wrong in it.
+    unjudged = [positive_data_acceptance, negative_data_rejection] if refused else []
+    case.validate_response(response, excluded_checks=unjudged)
+
+
+def sends_text_as_file(case: schemathesis.Case) -> bool:
+    """Whether a part that is to be a file is a text, which in a form is a file as well."""
+    is_form = isinstance(case.body, dict) and case.media_type == "multipart/form-data"
+    return is_form and any(
+        isinstance(case.body.get(name), str) for name in ("image", "zones_file", "archive")
+    )
+
+
+def is_refused_for_its_size(response: schemathesis.Response) -> bool:
+    """Whether the body was longer than bodies of JSON may be, which the document cannot say."""
+    return response.status_code == 413 and len(response.request.body or b"") > MOST_BYTES
 
 
 def is_refused_by_the_models(response: schemathesis.Response) -> bool:
