@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from services.ocr.tesseract import find_tessdata
 from simulation.flat_page import Page
@@ -18,6 +19,8 @@ from tests.services.scenes import Album
 # The time of one example says nothing on a busy machine; the same examples run every time.
 settings.register_profile("laws", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("laws")
+# Hypothesis also tries constants of the modules that are loaded, which are others in each process of a run.
+providers._get_local_constants = lambda: providers._local_constants
 
 ROOT = Path(__file__).parent
 KIND_OF_FOLDER = {
