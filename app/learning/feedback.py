@@ -4,15 +4,15 @@
    answer.
 2. `given_feedback` joins the kept result and the body: the verified page. Zones and texts of the person replace
    its own; what the body leaves out stays as the result shows it, so that a second feedback goes on from the first.
-3. `_learn_once`, under a lock for each model concerned, takes earlier feedback on the same result back (`undo`), and
-   reads the newest versions of the found and the verified class.
+3. Under a lock for each model concerned, `_learn_once` computes the models without earlier feedback on the same result
+   (`undo`), and reads the newest versions of the found and the verified class.
 4. A worker runs `services.operations.layout_learning.adapt_models`: it reads the documents, the models learn in
    `services.layout.learning.feedback.adapt_models`, and their new documents come back. A class that has samples and no
    version gets its first one, from the samples and this page (`lessons`).
 5. A worker makes the result of the verified page (`services.operations.corrected_result`), which every representation
    shows from now on.
 6. One transaction (`Store.add_feedback`) writes the new versions, the sample, the result and the feedback, if no model
-   has changed since step 3. Else steps 3 to 6 are done again.
+   has changed since step 3 and no other feedback on the result came. Else steps 2 to 6 are done again.
 """
 
 import asyncio
@@ -58,7 +58,7 @@ async def learn_from_feedback(
 ) -> StoredFeedback:
     """Update the models concerned by the feedback on a result; only once for each key and for each body.
 
-    What an earlier feedback on the same result taught is taken back first.
+    What an earlier feedback on the same result taught is taken back, where that is possible (`earlier-lesson-kept`).
 
     Raises
     ------

@@ -88,7 +88,7 @@ def choose_target(encoding: Encoding, source: SourceFacts, pages: int) -> PagesT
 def encode_page(
     page: DescribedPage, target: PagesTarget, source: SourceFacts, encoding: Encoding
 ) -> EncodedPage:
-    """The page in the form in which it waits for the others.
+    """The page without its pixels; its answer gets its text, and its picture where JSON has it.
 
     Raises
     ------
@@ -120,7 +120,8 @@ def bind_pages(
 ) -> PageReply:
     """The reply with all `pages` (one or more).
 
-    `notices` concern all pages. An archive has the problems of those that `failed`; other files leave them out. The
+    `notices` concern all pages. An archive has the problems of those that `failed`, other files leave them out, and
+    the app puts them into JSON. The
     function adds `encode` to `timings_ms`.
     """
     with timed("encode", timings_ms, ENCODING_BEGINS):
@@ -158,7 +159,7 @@ def _bind(
         case "pdf":
             texts_of_pages, dpis = [page.text for page in pages], [page.dpi for page in pages]
             return add_text_layer(bind_parts(parts, "pdf"), texts_of_pages, encoding, dpis)
-    return parts[0].data if parts else b""
+    return parts[0].data if parts else b""  # an image, or nothing beside JSON
 
 
 def make_page_reply(

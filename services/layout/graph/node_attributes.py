@@ -160,7 +160,7 @@ def _log2(values: Values) -> Values:
 
 
 def _aspect(measures: ZoneMeasures) -> Values:
-    """Binary logarithm of width over height: figures along the page's edge are tall."""
+    """Binary logarithm of the share of the page's width over that of its height: figures along its edge are tall."""
     x0, y0, x1, y1 = measures.boxes.T
     return _where_seen(measures, np.log2(np.maximum(x1 - x0, 1e-4) / np.maximum(y1 - y0, 1e-4)))
 

@@ -1,8 +1,8 @@
 """Where the paper of a page ends in its photo: asked by the frame, by the cut, and by what is drawn white.
 
-Three things show it. An outline was followed along the sheet's edge, side by side. The ground of a photo that is the
-page reaches to the photo's frame. And paper is as bright as that under the text, which tells roughly where it ends if
-no edge could be followed.
+Three things show it, in this order. The ground of a photo that is the page reaches to the photo's frame. An outline was
+followed along the sheet's edge, side by side. And paper is as bright as that under the text, which tells roughly where
+it ends if no edge could be followed.
 """
 
 from dataclasses import dataclass, replace
@@ -25,9 +25,10 @@ LEAST_FILLED = 0.96
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaperEnd:
-    """What is known of the paper's end; polygons (M, 2) are photo pixels, None where nothing shows them.
+    """What is known of the paper's end; polygons (M, 2) are photo pixels.
 
-    The frame goes to `reach`. Beyond `white` there is no paper for certain: the view is white there. With `whole` the
+    The frame goes to `reach`; None: to where the shape's own frame goes. Beyond `white` it is certain that there is no
+    paper, and the view is white there; None: that is nowhere certain. With `whole` the
     sheet's end is known all round, so that lines inside of it are print. What looks like text beyond the sides of a
     `believed` outline is specks of a desk, and is cut off.
     """
@@ -50,24 +51,26 @@ def find_paper_end(page: ShapedPage, crop: Crop, boxes: Floats) -> PaperEnd:
         # Without text the sheet is all that a view can show.
         return PaperEnd(outline.polygon if analysis is None and outline is not None else None)
     if page.ground is not None:
-        found = PaperEnd(None, page.ground.outline, True)
+        found = PaperEnd(white=page.ground.outline, whole=True)
     elif outline is not None and is_believed(outline, page.characters):
-        found = PaperEnd(outline.polygon, outline.polygon, True, True)
+        found = PaperEnd(outline.polygon, outline.polygon, whole=True, believed=True)
     elif analysis is None:
         found = PaperEnd(None if outline is None else outline.polygon)
     else:
         reach = None if page.shape.ends_at_sides else analysis.paper.outline(analysis.characters)
-        reach = reach if reach is None else _within_gutter(reach, analysis)
+        if reach is not None:
+            reach = _within_gutter(reach, analysis)
         white = None if reach is None else filled_hull(reach)
         is_flat_sheet = page.shape.kind == "planar" and not analysis.facing_page
         found = PaperEnd(reach, white, is_flat_sheet and white is not None)
+    # The sheet's end stays known where a few letters stick out of it.
     if found.white is not None and hides_print(found.white, boxes):
         found = replace(found, white=None)
     return found
 
 
 def is_believed(outline: SheetOutline, characters: Points) -> bool:
-    """Whether the paper ends at the `outline`: it is right, and that of the sheet of the `characters` (N, 2)."""
+    """Whether the paper ends at the `outline`: it is sure, and holds the `characters` (N, 2), if there are any."""
     if outline.confidence < BELIEVED_CONFIDENCE:
         return False
     on_sheet = outline.holds(characters)
@@ -87,8 +90,8 @@ def _within_gutter(outline: Points, analysis: PageAnalysis) -> Points:
     if analysis.gutter is None:
         return outline
     middle = analysis.gutter.mean(axis=0)
-    way = np.linalg.svd(analysis.gutter - middle)[2][0]
-    across = np.array([-way[1], way[0]])
+    along = np.linalg.svd(analysis.gutter - middle)[2][0]
+    across = np.array([-along[1], along[0]])
     side = np.sign(np.median((analysis.characters - middle) @ across))
     beyond = np.minimum(side * ((outline - middle) @ across), 0.0)
     return np.asarray(outline - side * beyond[:, None] * across)
