@@ -63,23 +63,26 @@ async def learn_from_feedback(
     Raises
     ------
     ResultNotFound, ModelNotFound
-            When the result has expired, or the class does not exist.
+        When the result has expired, or the class does not exist.
     InvalidOption
-            When the result has no such zone, or no class was found and none is given.
+        When the result has no such zone, or no class was found and none is given.
     KeyReused
-            When the key came with a different feedback before.
+        When the key came with a different feedback before.
+    StoreFull
+        When there are too many samples or models.
     Busy
-            When other processes keep writing versions of the same models.
+        When other processes keep writing versions of the same models.
     """
     request = body.model_dump(by_alias=True, include=body.model_fields_set | {"labels"})
     earlier = await state.store.call(lambda store: store.find_feedback(result_id, key, request))
     if earlier is not None:
         return earlier
     given = await given_feedback(state, result_id, key, request, body, owner)
-    verified = given.verified
-    names = [name for name in (verified.found_class, verified.verified_class) if name is not None]
+    classes = (given.verified.found_class, given.verified.verified_class)
+    names = [name for name in classes if name is not None]
     names += await state.store.call(lambda store: store.taught_models(result_id))
     limit_s = state.settings.queue_timeout_s
+    # Locks save work; where the classes change meanwhile, the versions of the models decide.
     async with state.locks.hold(names, limit_s, "QUEUE_TIMEOUT_S"):
         for _ in range(MOST_TRIES):
             try:
@@ -89,7 +92,7 @@ async def learn_from_feedback(
                 await asyncio.sleep(_random.uniform(0.0, LONGEST_PAUSE_S))
                 given = await given_feedback(state, result_id, key, request, body, owner)
             except ModelNotFound as error:  # the found class was deleted: skip it
-                if error.what == verified.verified_class:
+                if error.what == given.verified.verified_class:
                     raise
         else:
             raise Busy(f"Other requests keep updating {' and '.join(names)}. Send the feedback again later.")

@@ -117,7 +117,7 @@ def to_json_ready(value: Any) -> Any:
 
 @contextmanager
 def timed(stage: str, timings_ms: dict[str, float], begins: float | None = None) -> Iterator[None]:
-    """Add the time of the block to `timings_ms`, and report the progress `begins` (0-1) at its start."""
+    """Put the time of the block into `timings_ms`, and report the progress `begins` (0-1) at its start."""
     if begins is not None:
         report_progress(stage, begins)
     started = time.perf_counter()

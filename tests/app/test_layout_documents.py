@@ -138,7 +138,7 @@ def test_documents_have_a_body_limit_of_their_own(client: httpx.Client) -> None:
     assert "MAX_DOCUMENT_UPLOAD_BYTES" in str(problem["detail"])
     told = post(client, upload("")).json()["warnings"][1]["detail"]
     assert "max_bytes=300000" in told
-    assert "max_pages=5, max_document_megapixels=200.0" in told
+    assert "max_pages=5, max_megapixels=200.0" in told
 
 
 @pytest.mark.parametrize(
