@@ -197,6 +197,7 @@ class FeedbackHistory(RuleBasedStateMachine):
             repeated = self.store.add_feedback(draft, changes)
             assert not repeated.created
             assert (repeated.id, dict(repeated.versions)) == (same[0].id, same[0].versions)
+            same[0].key = same[0].key or key  # a key is bound to the feedback that it came with first
         elif is_late and names:
             with_error(VersionConflict, lambda: self.store.add_feedback(draft, changes))
         elif verified is not None and verified not in alive:
