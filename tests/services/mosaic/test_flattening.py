@@ -1,5 +1,7 @@
 """A photo as the flat view it is registered in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from services.contract.cameras import CameraMemory
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import jacobians, scaling, transform_points
+from services.mosaic.flat_photo import trust_by_error
 from services.mosaic.flattening import flatten_photo, take_as_flat, view_photo
 from services.rectify import pipeline
 from services.rectify.stage_clock import StageClock
@@ -102,3 +105,11 @@ def test_a_coloured_head_with_print_is_part_of_the_sheet() -> None:
     flat = flatten_photo(0, desk, None, StageClock())
     corners = np.array([[0.0, 0.0], [flat.size[0], 0.0]])
     assert flat.to_photo(corners)[:, 1].max() < 90
+
+
+def test_views_count_by_the_errors_that_they_show() -> None:
+    shown = take_as_flat(0, page_image(), StageClock())
+    assert shown.error_percent is None
+    photos = [replace(shown, error_percent=error) for error in (0.2, 0.1, None, 0.4)]
+    np.testing.assert_allclose(trust_by_error(photos), [0.25, 1.0, 0.25, 0.0625])
+    np.testing.assert_allclose(trust_by_error([shown, shown]), 1.0)

@@ -29,6 +29,13 @@ def test_beyond_the_view_the_border_goes_on() -> None:
     np.testing.assert_allclose(field.at(np.array([[-500.0, 25.0], [1e6, 1e6]])), 3.0)
 
 
+def test_points_that_are_not_known_stay_unknown() -> None:
+    at = bump(10.0).at(np.array([[np.nan, 20.0], [399.5, 299.5], [np.nan, np.nan]]))
+    assert np.isnan(at[0]).all()
+    assert np.isnan(at[2]).all()
+    np.testing.assert_allclose(at[1], [10.0, -5.0], atol=0.01)
+
+
 @given(st.floats(-15.0, 15.0), st.floats(0.4, 2.5), st.floats(-1e-4, 1e-4))
 def test_there_and_back(amplitude_px: float, scale: float, perspective: float) -> None:
     H = translation(30.0, -7.0) @ scaling(scale)

@@ -87,6 +87,20 @@ def test_every_photo_gives_way_and_none_far_from_the_overlaps() -> None:
     assert right[:, -1].max() < 0.2 * right[:, 0].max()
 
 
+def test_a_view_that_shows_an_error_gives_way_to_one_that_shows_none() -> None:
+    rng = np.random.default_rng(2)
+    views = grid_views(rng, 1, 2, overlap=0.2)
+    pairs = curved_pairs(rng, views, 3.0, 0.1)
+    photos = flat_photos(views)
+    errors = dict(zip(views, (0.1, 0.6), strict=True))
+    judged = {k: replace(photo, error_percent=errors[k]) for k, photo in photos.items()}
+    warp = estimate_residual_warp(judged, views, pairs)
+    good, bad = (field for field in warp.displacements.values() if field is not None)
+    moved = [float(np.linalg.norm(field.nodes, axis=2).max()) for field in (good, bad)]
+    assert moved[0] < 0.15 * moved[1]
+    assert warp.after_px < 0.3 * warp.before_px
+
+
 @pytest.mark.parametrize("noise_px", [0.1, 0.8])
 def test_flat_pages_stay_as_they_are(noise_px: float) -> None:
     rng = np.random.default_rng(3)
