@@ -20,6 +20,9 @@ class CandidateParameters:
     """Where boundaries are searched."""
 
     rays: RayParameters = field(default_factory=RayParameters)
+    inside: float = 0.8
+    """Share of the distance to the last print on a ray; a boundary is further out. What is taken for print may lie
+    beyond the sheet: without this the edge of a board was lost, and its view was skewed."""
     concavity: float = 0.08
     """Distance of creased sheets from their convex hull, as a share of the radius."""
     tolerance: float = 3.0
@@ -88,7 +91,7 @@ def find_candidates(
     codes = color_codes(reduced.colors)
     odds_image = color_log_odds(codes, place.mask, None)
     for _ in range(2):
-        search.add((reach.astype(np.float64), rays.sample(odds_image)))
+        search.add((p.inside * reach, rays.sample(odds_image)))
         path = search.paths[-1]
         search.typical = float(np.median(path))
         inside = _filled(rays.at(path), place.mask.shape)
@@ -99,7 +102,7 @@ def find_candidates(
         return search.found
     # By edges alone, beyond the print, or beyond its core if texture of a desk was found as print.
     core = rays.reach_of_mask(place.core).astype(np.float64)
-    search.add((rays.reach_of_hull(rays.at(reach)), 0.0), (core, 0.0))
+    search.add((p.inside * rays.reach_of_hull(rays.at(reach)), 0.0), (core, 0.0))
     # A sheet is nearly convex: what lies in a notch of the curve (pictures, shadows) belongs to it.
     best = search.best(2, first=1)
     search.add(*(((1 - p.concavity) * rays.reach_of_hull(rays.at(path)), 0.0) for path in best))
