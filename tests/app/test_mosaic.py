@@ -50,7 +50,7 @@ def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     response = post(client, {"format": "json"})
     assert list(response.json()) == [
         "width", "height", "base", "orientation", "patches", "pairs", "unplaced", "text", "warnings",
-        "timings_ms", "image", "image_media_type",
+        "timings_ms", "image", "image_media_type", "page_id",
     ]  # fmt: skip
     result = MosaicResult.model_validate(response.json())
     assert result.patches[0].mesh is not None

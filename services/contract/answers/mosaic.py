@@ -59,3 +59,6 @@ class MosaicResult(Answer):
     timings_ms: dict[str, float]
     image: Embedded = None
     image_media_type: EmbeddedMediaType = None
+    page_id: str | None = Field(
+        default=None, description="Id of the kept page, as in /pages/{id}; null: the page was not kept."
+    )

@@ -68,6 +68,7 @@ def test_the_answer_is_the_contracts() -> None:
         "text": None,
         "image": None,
         "image_media_type": None,
+        "page_id": None,
     }
 
 
