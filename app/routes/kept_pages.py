@@ -37,7 +37,7 @@ from models.records import StoredPage
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, SeveralFormat
-from services.contract.kept_pages import KeptPage, PageReading
+from services.contract.kept_pages import KeptPage, PageReading, PageWish
 
 router = APIRouter(prefix="/pages", tags=["pages"])
 
@@ -100,7 +100,7 @@ async def kept_page(state: AppState, page: StoredPage) -> KeptPage:
     "/{id}", operation_id="kept_page", responses=documented("not-found", *STORE), response_model=RectifyResult
 )
 async def show_page(request: Request, state: State, id: str) -> Response:
-    """The description of a kept page, as it was answered last."""
+    """The description of a kept page, by what was said of it last."""
     page = await own_page(request, state, id)
     return await answer_json(partial(RectifyResult.model_validate, described(page)))
 
@@ -172,6 +172,10 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     answer.page_id = id
     shown = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type", "text"})
     document = {**changed.document, "bytes": bundle_bytes, "name": page.document["name"], "shown": shown}
+    if asked.wish == PageWish():
+        # Only read or shown: what a person has said meanwhile stays.
+        page = await own_page(request, state, id)
+        document = {**page.document, **({"text": document["text"]} if reading else {})}
     if changed.bundle:
         await state.photos.forget([id])
         await state.photos.keep({id: changed.bundle})

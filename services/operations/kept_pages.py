@@ -18,7 +18,7 @@ from services.imaging.looks import scanner_look
 from services.imaging.normalization import normalize_illumination
 from services.imaging.page_images import page_picture
 from services.imaging.square_pixels import square_pixels
-from services.operations.kept_text import ShownPart, keep_text, text_of
+from services.operations.kept_text import keep_text, shown_part, text_of
 from services.operations.page_bundle import PageBundle, open_bundle
 from services.operations.page_reading import READING_CUT
 from services.operations.pages_reply import (
@@ -162,7 +162,7 @@ def draw_kept(
             flat = normalize_illumination(flat, _places(view, turned, turn, found["mirrored"], frame))
     text = None
     if reading is not None:
-        part = ShownPart(crop, margin, turn)
+        part = shown_part(crop, margin, turn, bundle.plan)
         mesh = np.asarray(to_resized(mesh_of(frame), 1 / np.array(document["stretch"])), np.float64)
         with timed("reading", timings_ms):
             text = text_of(document, part, flat, reading, mesh)

@@ -1,5 +1,6 @@
 """The text of a kept page: read once, and kept until the page shows another part of its photo."""
 
+import zlib
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -20,12 +21,19 @@ from services.text.photo_places import locate_boxes
 class ShownPart:
     """What a view shows: a text that was read on one view holds for all views of the same part.
 
-    The look does not count: letters are the same in colour and in black and white.
+    `plan` is a checksum of how the views are drawn: other corners make another one. The look does not count: letters
+    are the same in colour and in black and white.
     """
 
     crop: Crop
     margin: float
     turn: int
+    plan: int
+
+
+def shown_part(crop: Crop, margin: float, turn: int, plan: bytes) -> ShownPart:
+    """The part that is shown by these options and a packed `ViewPlan`."""
+    return ShownPart(crop, margin, turn, zlib.crc32(plan))
 
 
 def keep_text(document: dict[str, Any], part: ShownPart, text: PageText) -> None:

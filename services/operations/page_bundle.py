@@ -8,7 +8,7 @@ from services.contract.kept_pages import KeptPage
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import encode_image
 from services.imaging.page_images import PagePicture
-from services.operations.kept_text import ShownPart, keep_text
+from services.operations.kept_text import keep_text, shown_part
 from services.operations.pages_reply import DescribedPage
 from services.operations.replies import to_json_ready
 from services.rectify.results import RectifyResult
@@ -88,5 +88,6 @@ def keep_page(
     ready = to_json_ready(document)
     assert isinstance(ready, dict)
     if text is not None:
-        keep_text(ready, ShownPart(parameters.crop, parameters.margin, result.orientation.rotation_deg), text)
+        turn = result.orientation.rotation_deg
+        keep_text(ready, shown_part(parameters.crop, parameters.margin, turn, result.plan.packed), text)
     return KeptPage(PageBundle(original, result.plan.packed, picture).packed(), ready)

@@ -42,11 +42,11 @@ export async function useCamera(onPhoto) {
   const stage = make("div", { class: "camera-stage" }, video);
   const advice = make("p", { class: "camera-advice", role: "status" }, "Looking for a page ...");
   const take = button("Take photo", () => shoot(), "primary");
-  const byItself = checkbox("Take photos by itself", true);
+  const byItself = checkbox("By itself", true);
   const torch = button("Light", switchTorch);
   torch.hidden = !track.getCapabilities?.().torch;
   const count = make("span", { class: "camera-count" });
-  const close = button("Close the camera", () => dialog.close());
+  const close = button("Close", () => dialog.close());
   const tools = make("div", { class: "row" }, take, byItself, torch, count, close);
   const dialog = make("dialog", { class: "wide camera", "aria-label": "Camera" }, stage, advice, tools);
   const shutter = new Shutter();
@@ -68,7 +68,7 @@ export async function useCamera(onPhoto) {
     const photo = await photograph(video, track);
     taken += 1;
     count.textContent = taken === 1 ? "1 photo" : `${taken} photos`;
-    onPhoto(new File([photo], `Photo ${new Date().toISOString().slice(0, 19).replaceAll(":", "-")}.jpg`, { type: photo.type }));
+    onPhoto(new File([photo], `Photo ${new Date().toLocaleString("sv").replaceAll(":", ".")}.jpg`, { type: photo.type }));
     setTimeout(() => stage.classList.remove("flash"), 200);
     isShooting = false;
   }
@@ -77,13 +77,9 @@ export async function useCamera(onPhoto) {
   async function preview() {
     const form = new FormData();
     form.append("image", await grab(video, PREVIEW_PX, 0.7), "preview.jpg");
-    for (const [name, value] of [["preview", "true"], ["format", "json"]]) form.append(name, value);
-    try {
-      return await (await request("POST", "rectify", { body: form })).json();
-    } catch (problem) {
-      if (problem.code === "no-text") return null;
-      throw problem;
-    }
+    for (const [name, value] of Object.entries({ preview: "true", format: "json", on_no_text: "keep" })) form.append(name, value);
+    const seen = await (await request("POST", "rectify", { body: form })).json();
+    return seen.warnings.some(({ code }) => code === "kept-as-it-is") ? null : seen;
   }
 
   function showOutline(seen) {

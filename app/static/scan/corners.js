@@ -3,6 +3,7 @@
 import { button, draw, make } from "../elements.js";
 import { showImage } from "../pictures.js";
 import { emptyDrawing, inPicture, pointOf } from "./overlay.js";
+import { problemText } from "./words.js";
 
 const PHOTO_PX = 1600; // width of the photo that is shown
 const STEP = 0.004; // of the photo's size: an arrow key; with Shift five times as far
@@ -13,12 +14,12 @@ const ZOOM = 3;
 /** Four handles over a photo of `width` x `height` pixels, drawn by `svg` over `stage`; `onMoved` when all is done. */
 class Handles {
   constructor(stage, photo, points, { width, height }, onMoved) {
-    Object.assign(this, { stage, photo, points, width, height, onMoved });
+    Object.assign(this, { stage, photo, width, height, onMoved });
     this.svg = emptyDrawing(width, height);
     this.loupe = make("canvas", { class: "loupe", width: LOUPE_PX, height: LOUPE_PX, hidden: true, "aria-hidden": "true" });
     this.handles = [0, 1, 2, 3].map((index) => this.handle(index));
     stage.append(this.svg, ...this.handles, this.loupe);
-    this.show();
+    this.set(points);
   }
 
   handle(index) {
@@ -32,15 +33,23 @@ class Handles {
       "aria-label": `Corner ${index + 1}`,
       onkeydown: (event) => this.press(event, index),
       onblur: () => (this.loupe.hidden = true),
-      onpointerdown: (event) => event.target.setPointerCapture(event.pointerId),
+      onmousedown: (event) => event.preventDefault(), // a browser would drag the picture below
+      onpointerdown: (event) => {
+        event.target.focus();
+        event.target.setPointerCapture(event.pointerId);
+      },
       onpointermove: (event) => event.target.hasPointerCapture(event.pointerId) && this.move(index, pointOf(event, this.svg, this.width, this.height)),
       onlostpointercapture: end,
     });
   }
 
-  move(index, to) {
-    this.points = this.points.map((point, one) => (one === index ? inPicture(to, this.width, this.height) : point));
+  set(points) {
+    this.points = points.map((point) => inPicture(point, this.width, this.height));
     this.show();
+  }
+
+  move(index, to) {
+    this.set(this.points.map((point, one) => (one === index ? to : point)));
     this.magnify(index);
   }
 
@@ -88,52 +97,54 @@ class Handles {
 
 /** Lets a person move the corners of a page. `kept` is a `Kept`. Resolves when the person is done. */
 export async function editCorners(page, kept) {
-  const photo = make("img", { alt: "Photo" });
+  const photo = make("img", { alt: "Photo", draggable: "false" });
   await showImage(photo, await kept.photo(page, PHOTO_PX));
   const flat = make("img", { alt: "", class: "corners-flat" });
   const state = make("p", { role: "status" });
   const stage = make("div", { class: "stage" }, photo);
   const hint = "Corner 1 is the page's top left; then clockwise. Drag the corners, or move them with the arrow keys.";
-  const automatic = button("Find them again", () => send("auto"));
+  const automatic = button("Find them again", () => say("auto"));
   const done = make("button", { class: "primary", value: "done" }, "Done");
   const tools = make("form", { method: "dialog", class: "row" }, done, automatic);
   const views = make("div", { class: "corner-views" }, stage, flat);
   const dialog = make("dialog", { class: "wide corners", "aria-label": "Corners" }, make("p", { class: "hint" }, hint), views, state, tools);
   let handles = null;
   let timer = 0;
-  let sending = null;
+  let wish = null; // the last word, which is not sent yet
+  let isSending = false;
 
   const later = (pause) => {
     clearTimeout(timer);
-    timer = setTimeout(() => send(handles.value), pause);
+    timer = setTimeout(() => say(handles.value), pause);
   };
 
-  /** Only the last word is sent on: what is under way for an earlier one is stopped. */
-  async function send(corners) {
+  /** Has the page flattened between other corners. While that is under way only the last word waits. */
+  async function say(corners) {
     clearTimeout(timer);
     timer = 0;
-    sending?.abort();
-    const control = (sending = new AbortController());
-    state.textContent = "Flattening again ...";
-    await kept.change(page, () => (corners === "auto" ? { corners } : { corners, rotate: 0 }), control.signal);
-    if (control.signal.aborted) return;
-    state.textContent = page.problem ? page.problem.detail : "The page is flat by these corners.";
-    await showImage(flat, page.picture);
-    if (corners === "auto") {
-      handles.points = page.facts.corners;
-      handles.show();
+    wish = corners;
+    if (isSending) return;
+    isSending = true;
+    while (wish) {
+      state.textContent = "Flattening again ...";
+      const sent = wish === "auto" ? { corners: wish } : { corners: wish, rotate: 0 };
+      wish = null;
+      await kept.change(page, () => sent);
+      if (sent.corners === "auto" && !wish) handles.set(page.facts.corners);
     }
+    isSending = false;
+    state.textContent = page.problem ? problemText(page.problem) : "The page is flat by these corners.";
+    await showImage(flat, page.picture);
   }
 
   document.body.append(dialog);
   dialog.showModal();
   await showImage(flat, page.picture);
-  const { width, height } = page.facts.photo;
-  handles = new Handles(stage, photo, page.facts.corners.map((point) => inPicture(point, width, height)), page.facts.photo, later);
+  handles = new Handles(stage, photo, page.facts.corners, page.facts.photo, later);
   handles.handles[0].focus();
   return new Promise((resolve) =>
     dialog.addEventListener("close", () => {
-      if (timer) send(handles.value);
+      if (timer) say(handles.value);
       dialog.remove();
       resolve();
     }),

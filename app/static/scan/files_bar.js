@@ -3,6 +3,7 @@
 import { button, labelled, make, notify, problemNote, save, select, setOptions } from "../elements.js";
 import { fileName, languageName, problemText } from "./words.js";
 
+const STANDARD = ["", "as the service is set"];
 const TYPES = { pdf: "application/pdf", zip: "application/zip", txt: "text/plain" };
 
 export class FilesBar {
@@ -10,7 +11,7 @@ export class FilesBar {
   constructor(pages, kept, onClear) {
     Object.assign(this, { pages, kept, prepared: null, isBusy: false });
     this.name = make("input", { type: "text", placeholder: "Scan", maxlength: "200", oninput: () => this.set({ name: this.name.value }) });
-    this.language = select([["", "Standard"]], "", () => this.set({ language: this.language.value }));
+    this.language = select([STANDARD], "", () => this.set({ language: this.language.value }));
     this.pdf = button("Download PDF", () => this.download("pdf"), "primary");
     this.share = button("Share", () => this.sharePdf());
     this.share.hidden = !navigator.share;
@@ -34,7 +35,7 @@ export class FilesBar {
   /** Languages that the service reads, by Tesseract's codes. */
   offer(languages) {
     const { name, language } = this.pages.settings;
-    setOptions(this.language, [["", "Standard"], ...languages.map((code) => [code, languageName(code)])], language);
+    setOptions(this.language, [STANDARD, ...languages.map((code) => [code, languageName(code)])], language);
     if (!this.language.value) this.language.value = "";
     this.name.value = name;
   }

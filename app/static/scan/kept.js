@@ -1,7 +1,7 @@
 // Pages that the service keeps: changed as the person says, read, bound to files, and deleted. No photo is sent again.
 
 import { imageOf } from "../pictures.js";
-import { request } from "../service.js";
+import { post, request } from "../service.js";
 import { borderOf } from "./overlay.js";
 
 /** Options of an answer whose picture the strip shows. */
@@ -37,28 +37,22 @@ export class Kept {
     Object.assign(this, { pages, canRead: true, changes: new Map(), readings: new Map() });
   }
 
-  /**
-   * Answers again about a page with what the person says: `wish` makes the body, after all earlier changes are done.
-   * Where `signal` is aborted before, nothing is sent.
-   */
-  change(page, wish, signal) {
-    this.readings.get(page.key)?.control.abort();
+  /** Answers again about a page with what the person says: `wish` makes the body, after all earlier changes are done. */
+  change(page, wish) {
     const before = this.changes.get(page.key) ?? Promise.resolve();
-    const done = before.then(() => (signal?.aborted ? undefined : this.render(page, wish(page.facts), signal)));
+    const done = before.then(() => this.render(page, wish(page.facts)));
     this.changes.set(page.key, done);
     return done;
   }
 
-  async render(page, wish, signal) {
+  async render(page, wish) {
     this.pages.update(page, { isChanging: true, problem: null });
     try {
-      const response = await request("POST", `pages/${page.id}/render`, { body: { ...SHOWN, ...wish }, signal });
-      const changed = shown(await response.json());
+      const changed = shown(await post(`pages/${page.id}/render`, { ...SHOWN, ...wish }));
       if (page.facts.places && !("rotate" in wish)) changed.facts.places = page.facts.places;
       await this.pages.update(page, { ...changed, look: wish.illumination ?? page.look, isChanging: false });
     } catch (error) {
-      if (error.name === "AbortError") this.pages.update(page, { isChanging: false });
-      else this.refused(page, error);
+      this.refused(page, error);
     }
   }
 
@@ -82,16 +76,16 @@ export class Kept {
   /** Has the service read a page; it keeps the text. What cannot be read is a page all the same. */
   async read(page) {
     const { language } = this.pages.settings;
-    const control = new AbortController();
+    const { facts } = page;
     const body = { format: "json", text: true, ...(language ? { language } : {}) };
-    const reading = request("POST", `pages/${page.id}/render`, { body, signal: control.signal });
-    this.readings.set(page.key, { control, reading });
+    const reading = post(`pages/${page.id}/render`, body);
+    this.readings.set(page.key, reading);
     try {
       await reading;
-      await this.pages.update(page, { readIn: language });
+      if (page.facts === facts) await this.pages.update(page, { readIn: language }); // else it was changed meanwhile
     } catch (error) {
       if (error.code === "not-found") this.refused(page, error);
-      else if (error.name !== "AbortError") this.canRead = error.code !== "invalid-option";
+      else this.canRead = error.code !== "invalid-option";
     } finally {
       this.readings.delete(page.key);
     }
@@ -99,7 +93,7 @@ export class Kept {
 
   /** A file of all pages that are ready, after what is under way. Throws the `Problem` where there is none. */
   async file(format) {
-    await Promise.all([...this.changes.values(), ...[...this.readings.values()].map(({ reading }) => reading.catch(() => {}))]);
+    await Promise.all([...this.changes.values(), ...[...this.readings.values()].map((reading) => reading.catch(() => {}))]);
     const { name, language } = this.pages.settings;
     const ready = this.pages.list.filter((page) => page.state === "ready" && page.id);
     const isRead = format === "txt" || (format === "pdf" && this.canRead);
@@ -121,7 +115,6 @@ export class Kept {
 
   /** Deletes a page, here and in the service. */
   async remove(page) {
-    this.readings.get(page.key)?.control.abort();
     const { id, job } = page;
     await this.pages.remove(page);
     if (id) await this.forget([{ page_id: id }]);

@@ -17,9 +17,8 @@ export class PageItem {
     Object.assign(this, { page, shownPicture: null });
     this.title = make("h2", {});
     this.names = make("p", { class: "file-name" });
-    this.flat = make("img", { alt: "Flat page", hidden: true });
-    this.open = make("button", { type: "button", class: "open-page", "aria-label": "View", onclick: () => act.view(page) }, this.flat);
-    this.stage = make("div", { class: "stage sheet" }, this.open);
+    this.flat = make("img", { alt: "Flat page", onclick: () => act.view(page) });
+    this.stage = make("div", { class: "stage sheet" }, this.flat);
     this.photos = make("ul", { class: "photos" });
     this.state = make("p", { class: "state" });
     this.notes = make("div", {});
@@ -28,11 +27,12 @@ export class PageItem {
     this.forAll = button("For all", () => act.lookForAll(page));
     this.corners = button("Corners", () => act.corners(page));
     this.rotate = button("Rotate", () => act.rotate(page));
-    this.again = button("Flatten again", () => act.again(page));
-    this.more = make("label", { class: "more" }, "More photos ", this.chooser(page, act));
+    this.open = button("View", () => act.view(page));
+    this.again = button("Try again", () => act.again(page));
+    this.more = make("label", { class: "more" }, "Add parts ", this.chooser(page, act));
     this.earlier = sign("\u2190", "Move earlier", () => act.move(page, -1));
     this.later = sign("\u2192", "Move later", () => act.move(page, 1));
-    this.tools = make("div", { class: "row page-tools" }, this.corners, this.rotate, this.again, this.more);
+    this.tools = make("div", { class: "row page-tools" }, this.corners, this.rotate, this.open, this.again, this.more);
     this.lookRow = make("div", { class: "look" }, make("label", { for: this.look.id }, "Look"), this.look, this.forAll);
     const order = make("div", { class: "row page-tools order" }, this.earlier, this.later, button("Remove", () => act.remove(page), "quiet"));
     const head = make("div", { class: "page-head" }, this.title, this.state);
@@ -59,7 +59,7 @@ export class PageItem {
     this.names.textContent = isJoined ? `One page of ${page.names.length} photos` : `${page.names[0]}${side}`;
     this.state.textContent = isJoined && page.state === "waiting" && page.names.length < 2 ? "Add the other photos" : stateText(page);
     this.corners.hidden = !isReady || isJoined;
-    this.rotate.hidden = this.lookRow.hidden = !isReady;
+    this.rotate.hidden = this.lookRow.hidden = this.open.hidden = !isReady;
     this.again.hidden = page.state !== "failed";
     this.more.hidden = !isJoined || page.state === "working";
     this.look.value = page.look;
@@ -93,7 +93,6 @@ export class PageItem {
     this.photos.hidden = Boolean(picture);
     if (!picture || picture === this.shownPicture) return;
     this.shownPicture = picture;
-    this.flat.hidden = false;
     await showImage(this.flat, picture);
     this.stage.querySelector("svg")?.remove();
     this.map?.remove();

@@ -22,6 +22,7 @@ export class Pages extends EventTarget {
     super();
     this.list = [];
     this.settings = { ...SETTINGS };
+    this.loaded = this.load();
   }
 
   /** Takes up what the browser has stored: what was under way goes on, or begins again. */
@@ -29,7 +30,6 @@ export class Pages extends EventTarget {
     this.settings = { ...SETTINGS, ...(await storedSettings()) };
     const stored = (await storedPages()).map((page) => ({ ...page, state: page.state === "working" ? "waiting" : page.state }));
     this.list = stored.sort((a, b) => a.place - b.place);
-    this.tell("list");
   }
 
   tell(name, detail) {
@@ -43,6 +43,7 @@ export class Pages extends EventTarget {
 
   /** Adds photos at the end: each a page, or all of them one page that is joined. */
   async add(files) {
+    await this.loaded; // a person may be faster than the browser
     const kind = this.settings.photos;
     const groups = kind === "joined" ? [files] : files.map((file) => [file]);
     for (const group of groups) {

@@ -20,7 +20,7 @@ export function createView() {
   const items = new Map(); // by page
   const bar = new FilesBar(pages, kept, clear);
   const photos = make("input", { type: "file", multiple: true, accept: ACCEPTED, onchange: () => add([...photos.files]) });
-  const capture = make("input", { type: "file", accept: "image/*", capture: "environment", class: "unseen", tabindex: "-1", "aria-label": "Photo by the phone's camera", onchange: () => add([...capture.files]) });
+  const capture = make("input", { type: "file", accept: "image/*", capture: "environment", class: "unseen", tabindex: "-1", "aria-label": "Phone's own", onchange: () => add([...capture.files]) });
   const camera = button("Camera", openCamera, "primary");
   const kind = select(KINDS, "page", () => pages.set({ photos: kind.value }));
   const drop = make(
@@ -121,7 +121,7 @@ export function createView() {
 
   async function clear() {
     const text = "All pages are deleted, here and in the service.";
-    if (!(await confirmed("Clear all pages?", text, "Clear"))) return;
+    if (!(await confirmed("Clear all pages?", text, "Delete all"))) return;
     await Promise.all(pages.list.map((page) => kept.remove(page)));
     await pages.set({ name: "" });
     bar.name.value = "";
@@ -184,7 +184,8 @@ export function createView() {
   async function open() {
     if (isLoaded) return;
     isLoaded = true;
-    await pages.load();
+    await pages.loaded;
+    pages.tell("list");
     kind.value = pages.settings.photos;
     bar.offer([]);
     bar.offer(await work.ask().catch(() => []));

@@ -87,4 +87,4 @@ export function languageName(code) {
 }
 
 /** A name for a file: of what the person typed, without what file systems refuse. */
-export const fileName = (name) => name.trim().replace(/[\\/:*?"<>|\p{Cc}]+/gu, " ").trim() || "Scan";
+export const fileName = (name) => name.replace(/[\\/:*?"<>|\p{Cc}\s]+/gu, " ").trim() || "Scan";
