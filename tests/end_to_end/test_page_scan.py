@@ -2,10 +2,12 @@
 
 import json
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pikepdf
 import pytest
 from playwright.sync_api import Browser, Download, Locator, Page, Response, expect
@@ -35,6 +37,9 @@ def visit(browser: Browser, service: httpx.Client) -> Iterator[Visit]:
 
 
 def address(service: httpx.Client) -> str:
+    """Where the page is. A tab that was closed while its page was read has cost the service its only worker."""
+    while service.get("/health/ready").status_code != 200:
+        time.sleep(0.1)
     return str(service.base_url).rstrip("/")
 
 
@@ -105,7 +110,8 @@ def test_the_whole_way_on_a_phone_by_touch(browser: Browser, service: httpx.Clie
         strip(page).nth(1).get_by_role("button", name="Remove").tap()
         expect(strip(page)).to_have_count(1)
         page.get_by_role("button", name="Clear").tap()
-        page.get_by_role("button", name="Delete all").tap()
+        with page.expect_response(lambda one: one.request.method == "DELETE"):
+            page.get_by_role("button", name="Delete all").tap()
         expect(page.get_by_role("button", name="Try an example")).to_be_visible()
         assert visit.count("POST /rectify") == 2, "no photo is sent twice"
         assert len([one for one in visit.sent if one.startswith("DELETE /pages/")]) == 2
@@ -146,7 +152,8 @@ def test_corners_by_keyboard_alone_and_by_mouse(visit: Visit) -> None:
     assert isinstance(moved, list)
     assert [moved[index] != corner for index, corner in enumerate(given[0])] == [False, False, True, False]  # type: ignore[arg-type]
     # The view ends at the given corners: the service says so of its mesh.
-    assert [answer["mesh"]["source"][0][0], answer["mesh"]["source"][-1][-1]] == [moved[0], moved[2]]
+    seen = [answer["mesh"]["source"][0][0], answer["mesh"]["source"][-1][-1]]
+    np.testing.assert_allclose(seen, [moved[0], moved[2]], atol=1.0)
     page.keyboard.press("Escape")
     expect(page.get_by_role("button", name="Corner 1")).to_have_count(0)
     expect(page.get_by_role("button", name="Corners")).to_be_focused()
