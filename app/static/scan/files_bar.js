@@ -29,7 +29,7 @@ export class FilesBar {
   set(settings) {
     this.prepared = null;
     this.pages.set(settings);
-    this.kept.readAhead(2);
+    this.kept.readAhead();
   }
 
   /** Languages that the service reads, by Tesseract's codes. */

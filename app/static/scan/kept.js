@@ -34,7 +34,7 @@ export const shown = (result) => ({
 export class Kept {
   /** `pages` is a `Pages`. */
   constructor(pages) {
-    Object.assign(this, { pages, canRead: true, changes: new Map(), readings: new Map() });
+    Object.assign(this, { pages, canRead: true, atOnce: 1, changes: new Map(), readings: new Map() });
   }
 
   /** Answers again about a page with what the person says: `wish` makes the body, after all earlier changes are done. */
@@ -61,10 +61,20 @@ export class Kept {
     this.pages.update(page, { isChanging: false, problem: { code, detail }, ...(isGone ? { state: "failed", id: null } : {}) });
   }
 
-  /** Reads up to `most` pages that are flat and not read yet, so that a searchable file is made at once. */
-  readAhead(most) {
+  /** Reads pages that are flat and not read yet, some at once, so that a searchable file is made quickly. */
+  async readAhead() {
     if (!this.canRead) return;
-    for (const page of this.unread().slice(0, most - this.readings.size)) this.read(page).then(() => this.readAhead(most));
+    const begun = this.unread().slice(0, Math.max(0, this.atOnce - this.readings.size));
+    await Promise.all(begun.map((page) => this.read(page).then(() => this.readAhead())));
+  }
+
+  /** Resolves when changes that are under way are done, and all pages are read where `isRead`. */
+  async settled(isRead) {
+    await Promise.all(this.changes.values());
+    while (isRead && this.canRead && (this.readings.size || this.unread().length)) {
+      this.readAhead();
+      await Promise.race(this.readings.values());
+    }
   }
 
   unread() {
@@ -74,29 +84,31 @@ export class Kept {
   }
 
   /** Has the service read a page; it keeps the text. What cannot be read is a page all the same. */
-  async read(page) {
+  read(page) {
+    const reading = this.readPage(page).finally(() => this.readings.delete(page.key));
+    this.readings.set(page.key, reading);
+    return reading;
+  }
+
+  async readPage(page) {
     const { language } = this.pages.settings;
     const { facts } = page;
-    const body = { format: "json", text: true, ...(language ? { language } : {}) };
-    const reading = post(`pages/${page.id}/render`, body);
-    this.readings.set(page.key, reading);
     try {
-      await reading;
+      await post(`pages/${page.id}/render`, { format: "json", text: true, ...(language ? { language } : {}) });
       if (page.facts === facts) await this.pages.update(page, { readIn: language }); // else it was changed meanwhile
     } catch (error) {
       if (error.code === "not-found") this.refused(page, error);
-      else this.canRead = error.code !== "invalid-option";
-    } finally {
-      this.readings.delete(page.key);
+      else if (error.code === "invalid-option") this.canRead = false; // no engine, or no such language
+      else await this.pages.update(page, { readIn: language }); // the file reads it, if it can
     }
   }
 
   /** A file of all pages that are ready, after what is under way. Throws the `Problem` where there is none. */
   async file(format) {
-    await Promise.all([...this.changes.values(), ...[...this.readings.values()].map((reading) => reading.catch(() => {}))]);
+    const isRead = format === "txt" || (format === "pdf" && this.canRead);
+    await this.settled(isRead);
     const { name, language } = this.pages.settings;
     const ready = this.pages.list.filter((page) => page.state === "ready" && page.id);
-    const isRead = format === "txt" || (format === "pdf" && this.canRead);
     const body = { pages: ready.map((page) => page.id), format, title: name.trim(), text: isRead };
     if (isRead && language) body.language = language;
     try {

@@ -19,7 +19,7 @@ export class Work {
   async ask() {
     const { workers, languages, ocr } = await get("health/ready");
     this.atOnce = Math.max(1, Math.min(4, workers)) + 1; // one more is sent while these are worked at
-    this.kept.canRead = ocr !== null;
+    Object.assign(this.kept, { canRead: ocr !== null, atOnce: this.atOnce - 1 });
     return languages;
   }
 
@@ -28,7 +28,7 @@ export class Work {
     if (this.needsKey || Date.now() < this.pausedUntil) return;
     const canBegin = (page) => page.state === "waiting" && (page.kind !== "joined" || page.names.length > 1);
     for (const page of this.pages.list.filter(canBegin)) if (this.running.size < this.atOnce) this.flatten(page);
-    if (!this.running.size) this.kept.readAhead(this.atOnce - 1);
+    if (!this.running.size) this.kept.readAhead();
   }
 
   resume() {
