@@ -28,7 +28,7 @@ DESK_PX = (600, 760)
 
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a camera sees: a sheet that comes into view on a desk, then lies still, a pixel to and fro, for 12 s."""
+    """What a camera sees: a sheet that comes into view on a desk within 8 s, then lies still, a pixel to and fro, for 12 s."""
     photo = Image.open(ROOT / "examples" / "photo.jpg").convert("RGB")
     desk = photo.crop((0, 0, 60, photo.height)).resize(DESK_PX)
     sheet = photo.resize(DESK_PX)
@@ -39,7 +39,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
         picture.save(buffer, "JPEG", quality=75)
         return buffer.getvalue()
 
-    moving, still = [frame(-600 + 20 * step) for step in range(30)], [frame(0), frame(1)]
+    moving, still = [frame(-480 + 4 * (step // 2)) for step in range(240)], [frame(0), frame(1)]
     path = tmp_path_factory.mktemp("film") / "desk.mjpeg"
     path.write_bytes(b"".join(moving) + b"".join(still[number // 2 % 2] for number in range(360)))
     return path

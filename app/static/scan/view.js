@@ -9,7 +9,7 @@ import { Kept } from "./kept.js";
 import { PageItem } from "./page_item.js";
 import { Pages } from "./pages.js";
 import { KINDS, progressText } from "./words.js";
-import { Work } from "./work.js";
+import { AGAIN_MS, Work } from "./work.js";
 
 const ACCEPTED = "image/*,.heic,.heif,.tif,.tiff,.webp";
 
@@ -188,8 +188,18 @@ export function createView() {
     pages.tell("list");
     kind.value = pages.settings.photos;
     bar.offer([]);
-    bar.offer(await work.ask().catch(() => []));
     work.start();
+    await ask();
+  }
+
+  /** What the service has; it is asked again until it is there. */
+  async function ask() {
+    try {
+      bar.offer(await work.ask());
+      work.start();
+    } catch {
+      setTimeout(ask, AGAIN_MS);
+    }
   }
 
   return { element, open, keyChanged: () => work.keyChanged() };

@@ -4,7 +4,7 @@ import { begin, get, outcome, Problem } from "../service.js";
 import { SHOWN, shown } from "./kept.js";
 import { filesOf } from "./storage.js";
 
-const AGAIN_MS = 5000; // pause before what waits for the service is tried again
+export const AGAIN_MS = 5000; // pause before what waits for the service is tried again
 const LATER = ["busy", "not-ready", "unreachable", "too-many-requests"]; // refusals that end by themselves
 const KEY = ["unauthorized", "forbidden"]; // refusals that end with another key
 
