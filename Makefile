@@ -86,7 +86,7 @@ help:
 CERTIFICATE = $(DATA_DIR)/certificate.pem
 serve: venv
 ifdef TLS
-	@$(BIN)/python -m app.own_certificate '$(CERTIFICATE)'
+	@$(BIN)/python -m app.http.own_certificate '$(CERTIFICATE)'
 	@TLS_CERTIFICATE='$(CERTIFICATE)' exec $(BIN)/python -m app
 else
 	@exec $(BIN)/python -m app

@@ -28,7 +28,7 @@ DESK_PX = (600, 760)
 
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a camera sees: a sheet that comes into view on a desk within 8 s, then lies still, a pixel to and fro, for 12 s."""
+    """What a camera sees: a sheet that comes into view on a desk within 8 s, then lies still for 12 s."""
     photo = Image.open(ROOT / "examples" / "photo.jpg").convert("RGB")
     desk = photo.crop((0, 0, 60, photo.height)).resize(DESK_PX)
     sheet = photo.resize(DESK_PX)
@@ -226,7 +226,7 @@ def test_the_pdf_is_shared_where_the_browser_can(browser: Browser, scripted: str
 
 def test_over_tls_with_a_certificate_of_its_own(browser: Browser, tmp_path: Path) -> None:
     file = tmp_path / "own" / "certificate.pem"
-    command = [sys.executable, "-m", "app.own_certificate", str(file)]
+    command = [sys.executable, "-m", "app.http.own_certificate", str(file)]
     said = [
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout for _ in range(2)
     ]

@@ -1,4 +1,4 @@
-"""`python -m app.own_certificate FILE` makes a certificate of its own for this machine, where FILE has no valid one.
+"""`python -m app.http.own_certificate FILE` makes a certificate of its own for this machine, where FILE has no valid one.
 
 Browsers open a camera, share and install a page over TLS only. A browser that does not know the certificate asks its
 user once. It is made by the program `openssl`, and says where the page is.
@@ -15,6 +15,8 @@ VALID_DAYS = 398
 """Browsers refuse certificates that are valid for longer."""
 LEFT_S = 30 * 24 * 3600
 """A certificate that ends within this time is made anew."""
+FOR_OWNER = 0o700
+"""Mode of the folder, where there is none yet."""
 SOMEWHERE = ("192.0.2.1", 9)
 """An address of no machine (RFC 5737). Nothing is sent to it: only the way there is asked for."""
 
@@ -53,7 +55,7 @@ def make_certificate(file: Path, addresses: list[str]) -> None:
         command += ["-keyout", str(key), "-out", str(certificate), "-days", str(VALID_DAYS)]
         command += ["-subj", "/CN=Document rectification", "-addext", f"subjectAltName={','.join(names)}"]
         subprocess.run(command, check=True, capture_output=True)
-        file.parent.mkdir(mode=0o700, exist_ok=True)
+        file.parent.mkdir(mode=FOR_OWNER, exist_ok=True)
         with open(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as both:
             both.write(certificate.read_bytes() + key.read_bytes())
 
