@@ -1,4 +1,4 @@
-"""`python -m app.http.own_certificate FILE` makes a certificate of its own for this machine, where FILE has no valid one.
+"""`python -m app.http.own_certificate FILE` makes a certificate for this machine, where FILE has no valid one.
 
 Browsers open a camera, share and install a page over TLS only. A browser that does not know the certificate asks its
 user once. It is made by the program `openssl`, and says where the page is.
