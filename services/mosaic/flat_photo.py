@@ -1,13 +1,15 @@
 """A photo and the flat view in which it is registered."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from services.arrays import GrayImage, Mask, Points, RgbImage, Vector
+from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame
 from services.notices import Notice
+from services.rectify.shape_choice.shaped_page import ShapedPage
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +32,8 @@ class FlatPhoto:
     notices : notices about the photo for the result.
     sheet : (N, 2) photo pixels, outline of the sheet if its edge is visible against the background; else None.
     error_percent : RMS error of the view to expect, percent of its width; None where nothing shows it.
+    page : the shape of the page in the photo; None where the photo was taken as flat.
+    focal_prior : what was known of the camera's focal length beforehand, and the page did not contradict.
     """
 
     index: int
@@ -43,6 +47,8 @@ class FlatPhoto:
     notices: tuple[Notice, ...] = ()
     sheet: Points | None = None
     error_percent: float | None = None
+    page: ShapedPage | None = None
+    focal_prior: FocalPrior = field(default_factory=typical_focal_prior)
 
     @property
     def size(self) -> tuple[int, int]:

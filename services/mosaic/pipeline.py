@@ -85,6 +85,7 @@ def mosaic(
             part = place_photos(flats, pairs, parameters.base)
         except NotOverlapping as refusal:
             raise explain_refusal(refusal, textless, len(kept)) from None
+        flats |= part.photos  # those of one bent sheet have views of it
         joined = None if parameters.rectify else join_whole_pixels(flats, part)
     if joined is None:
         with clock.stage("illumination"):
