@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import Floats, Points, Vector
-from services.sheet.developable.surface import rotations
+from services.geometry.camera import rotation_from_vector
 from services.sheet.ridged.blocks import ResidualBlock, SparseRows
 from services.sheet.ridged.mesh import PlacedPoints, SheetMesh
 
@@ -36,7 +36,7 @@ class OtherCamera:
 
     def moved(self, change: Vector) -> "OtherCamera":
         """The camera after a `change` (7,) of its unknowns, the last of which is the logarithm itself."""
-        turn = rotations(change[None, :3])[0]
+        turn = rotation_from_vector(change[:3])
         return OtherCamera(turn @ self.rotation, self.translation + change[3:6], float(np.exp(change[6])))
 
     def see(self, mesh: SheetMesh) -> SheetMesh:
