@@ -19,7 +19,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
-from services.mosaic.placing.residual_warp import GAIN, HELD_OUT_CELL, HELD_OUT_CELLS
+from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.developable.observations import LineObservations
@@ -44,6 +44,9 @@ LEAST_PLACED = 0.97
 LEFT_BY_MATCHING = 0.01
 """Median distance of correspondences, text heights, up to which a sheet is held as it is: on 14 sets of smooth sheets
 the best one leaves 0.0014 to 0.007, on creased ones 0.012 to 0.4."""
+GAIN = 0.85
+"""Share of the median distance of held-out correspondences that a fit must leave at most: the median of 50 is known to
+a sixth of it."""
 NO_WORSE = 1.05
 """Factor on the straightness of lines that a fit may leave: what tracing them in two views differs by."""
 MATCH_PX = 0.2
@@ -101,11 +104,16 @@ class _Shared:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    """The sheet of one photo, what it shares with each other one, and the cameras of these."""
+    """The sheet of one photo, what this shares with each other one, and the cameras of these.
+
+    `page_map` is that of the mesh, or with a small field for waves; `observed` is what a creased mesh was fitted to.
+    """
 
     reference: int
     mesh: SheetMesh
+    page_map: PageMap
     H_page_flat: Homography
+    observed: SheetObservations | None
     shared: Mapping[int, _Shared]
     cameras: Mapping[int, OtherCamera]
 
@@ -147,20 +155,17 @@ def find_joint_sheet(
         fitted = _fit_to_all(best, photos, page)
     if fitted is None and page.shape.kind == "planar":
         return None
-    found, page_map = (best, None) if fitted is None else fitted
+    found = fitted or best
     left = found.residual(held_out=True)
     if left > _apart(photos, pairs, placements):
         return None
     flat = photos[best.reference]
-    height = round(flat.frame.height * found.mesh.aspect / best.mesh.aspect)
+    height = round(flat.frame.height * found.mesh.size[1] / best.mesh.size[1])
     here = OtherCamera(np.eye(3), np.zeros(3), found.mesh.focal)
-    if page_map is None:  # of a creased sheet of its own photo it may have a field for waves
-        own = flat.frame.page_map if isinstance(flat.frame, CurvedFrame) else None
-        page_map = own if isinstance(page.shape, RidgedPage) and own is not None else found.mesh
     return JointSheet(
         best.reference,
         found.mesh,
-        page_map,
+        found.page_map,
         best.H_page_flat,
         (flat.frame.width, height),
         {best.reference: here, **found.cameras},
@@ -176,32 +181,34 @@ def _judge_sheet(
     pairs: Sequence[PairRegistration],
 ) -> _Candidate | None:
     """The sheet of photo `reference` with the cameras of all others; None where some do not show it, or more."""
-    mesh, H_page_flat = _mesh_of(photos[reference], pages[reference])
     shared = _gather(reference, photos, pages, pairs)
-    if len(shared) < len(photos) - 1 or not np.isfinite(mesh.nodes).all():
+    sheet = _sheet_of(photos[reference], pages[reference], shared)
+    if len(shared) < len(photos) - 1 or not np.isfinite(sheet.mesh.nodes).all():
         return None
     cameras = {}
     for index, points in shared.items():
-        camera = resect_camera(_in_space(mesh, points.own), points.other, photos[index].focal_prior)
-        if camera is None or not _shows_all(mesh, camera, pages[index], pages[reference]):
+        camera = resect_camera(_in_space(sheet.mesh, points.own), points.other, photos[index].focal_prior)
+        if camera is None or not _shows_all(sheet.mesh, camera, pages[index], pages[reference]):
             return None
         cameras[index] = camera
-    return _Candidate(reference, mesh, H_page_flat, shared, cameras)
+    return replace(sheet, cameras=cameras)
 
 
-def _mesh_of(photo: FlatPhoto, page: ShapedPage) -> tuple[SheetMesh, Homography]:
-    """The sheet of one photo over its flat view, and the map flat pixels -> page points of the mesh."""
-    frame = photo.frame
-    if isinstance(page.shape, RidgedPage) and isinstance(frame, CurvedFrame):
-        return page.shape.mesh, frame.H_page_flat
+def _sheet_of(photo: FlatPhoto, page: ShapedPage, shared: Mapping[int, _Shared]) -> _Candidate:
+    """The sheet of one photo over its flat view, without cameras."""
+    frame, shape = photo.frame, page.shape
+    if isinstance(shape, RidgedPage) and isinstance(frame, CurvedFrame):
+        return _Candidate(
+            photo.index, shape.mesh, shape.page_map, frame.H_page_flat, shape.observed, shared, {}
+        )
     rows = max(round(COLUMNS * (frame.height - 1) / (frame.width - 1)), MIN_ROWS - 1)
     x, y = np.linspace(0, frame.width - 1, COLUMNS + 1), np.linspace(0, frame.height - 1, rows + 1)
     flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    nodes = page.shape.in_space(page.view.to_centred(photo.to_photo(flat)))
+    nodes = shape.in_space(page.view.to_centred(photo.to_photo(flat)))
     nodes = nodes.reshape(rows + 1, COLUMNS + 1, 3)
     step = float(np.linalg.norm(np.diff(nodes, axis=1), axis=2).mean())
-    mesh = SheetMesh(nodes, page.shape.focal, step, float(y[1] / x[1]), (0.0, 0.0))
-    return mesh, scaling(step / float(x[1]))
+    mesh = SheetMesh(nodes, shape.focal, step, float(y[1] / x[1]), (0.0, 0.0))
+    return _Candidate(photo.index, mesh, mesh, scaling(step / float(x[1])), None, shared, {})
 
 
 def _gather(
@@ -247,10 +254,8 @@ def _shows_all(mesh: SheetMesh, camera: OtherCamera, other: ShapedPage, referenc
     return len(characters) > 0 and float(np.mean(inside)) >= LEAST_PLACED
 
 
-def _fit_to_all(
-    start: _Candidate, photos: Mapping[int, FlatPhoto], page: ShapedPage
-) -> tuple[_Candidate, PageMap] | None:
-    """The sheet fitted to the print of its photo and to all others, and its map; None if it does not explain more."""
+def _fit_to_all(start: _Candidate, photos: Mapping[int, FlatPhoto], page: ShapedPage) -> _Candidate | None:
+    """The sheet fitted to the print of its photo and to all others; None if it does not explain more."""
     if page.analysis is None:
         return None
     evidence, prior = page.analysis.evidence(page.view), photos[start.reference].focal_prior
@@ -258,21 +263,21 @@ def _fit_to_all(
     def trace(page_map: PageMap) -> LineObservations:
         return trace_by_profiles(evidence.text, page.view, page_map)
 
-    observed = page.shape.observed if isinstance(page.shape, RidgedPage) else None
+    observed = start.observed
     if observed is None:
         lines = trace(start.mesh)
         observed = SheetObservations(lines, evidence.strokes, (None,) * 4, prior.log_focal, prior.deviation)
     views = tuple(_view(start, index, photos[index]) for index in start.shared)
     fitted = fit_mesh(start.mesh, replace(observed, views=views), FIT)
     cameras = {index: view.camera for index, view in zip(start.shared, fitted.views, strict=True)}
-    found = replace(start, mesh=fitted.mesh, cameras=cameras)
+    found = replace(start, mesh=fitted.mesh, page_map=fitted.mesh, cameras=cameras)
     if not found.residual(held_out=True) <= GAIN * start.residual(held_out=True):
         return None
     lines = trace(found.mesh)
     straightness = measure_straightness(found.mesh, lines)
     if straightness > max(STRAIGHT, NO_WORSE * measure_straightness(start.mesh, lines)):
         return None
-    return found, without_waves(found.mesh, lines, trace)[0]
+    return replace(found, page_map=without_waves(found.mesh, lines, trace)[0])
 
 
 def _view(start: _Candidate, index: int, photo: FlatPhoto) -> OtherView:
