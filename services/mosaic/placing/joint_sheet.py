@@ -45,8 +45,8 @@ LEFT_BY_MATCHING = 0.01
 """Median distance of correspondences, text heights, up to which a sheet is held as it is: on 14 sets of smooth sheets
 the best one leaves 0.0014 to 0.007, on creased ones 0.012 to 0.4."""
 MOST_LEFT = 0.05
-"""The same, beyond which no sheet explains all photos: fitted sheets leave at most 0.03 on the 28 sets, sheets that were
-bent otherwise between two real photos 0.12 to 1.3."""
+"""The same, beyond which no sheet explains all photos: fitted sheets leave at most 0.03 on 28 simulated sets, and
+sheets that were bent otherwise between two real photos 0.12 to 1.3."""
 GAIN = 0.85
 """Share of the median distance of held-out correspondences that a fit must leave at most: the median of 50 is known to
 a sixth of it."""
