@@ -13,7 +13,7 @@ from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
-from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
@@ -82,19 +82,15 @@ def flatten_photo(
         page.shape.focal_source != prior.source
     ):  # the page contradicts it, or showed it better than a typical one
         prior = typical_focal_prior()
-    page = replace(page, others=iter(()))  # they hold all evidence
-    return replace(
-        flat, notices=notices, sheet=sheet, error_percent=error_percent, page=page, focal_prior=prior
-    )
+    seen = SeenPage(page.shape, analysis.evidence(page.view), prior)
+    return replace(flat, notices=notices, sheet=sheet, error_percent=error_percent, page=seen)
 
 
 def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
     """The photo of `flat` in another view of its page."""
     assert flat.page is not None
     again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight)
-    return replace(
-        again, notices=flat.notices, sheet=flat.sheet, page=flat.page, focal_prior=flat.focal_prior
-    )
+    return replace(again, notices=flat.notices, sheet=flat.sheet, page=flat.page)
 
 
 def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:

@@ -16,12 +16,11 @@ from services.arrays import Floats, Homography, Mask, Points
 from services.geometry.homographies import jacobians, scaling, transform_points
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
-from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
 from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.developable.observations import LineObservations
 from services.sheet.framing import CurvedFrame
 from services.sheet.line_residual import MorphedPage
@@ -155,7 +154,7 @@ def find_joint_sheet(
     page = pages[best.reference]
     left, fitted = best.residual(held_out=True), None
     if left > LEFT_BY_MATCHING:
-        fitted = _fit_to_all(best, photos, page)
+        fitted = _fit_to_all(best, pages)
     if fitted is None and page.shape.kind == "planar":
         return None
     found = fitted or best
@@ -180,24 +179,26 @@ def find_joint_sheet(
 def _judge_sheet(
     reference: int,
     photos: Mapping[int, FlatPhoto],
-    pages: Mapping[int, ShapedPage],
+    pages: Mapping[int, SeenPage],
     pairs: Sequence[PairRegistration],
 ) -> _Candidate | None:
     """The sheet of photo `reference` with the cameras of all others; None where some do not show it, or more."""
     shared = _gather(reference, photos, pages, pairs)
+    if len(shared) < len(photos) - 1:
+        return None
     sheet = _sheet_of(photos[reference], pages[reference], shared)
-    if len(shared) < len(photos) - 1 or not np.isfinite(sheet.mesh.nodes).all():
+    if not np.isfinite(sheet.mesh.nodes).all():
         return None
     cameras = {}
     for index, points in shared.items():
-        camera = resect_camera(_in_space(sheet.mesh, points.own), points.other, photos[index].focal_prior)
+        camera = resect_camera(_in_space(sheet.mesh, points.own), points.other, pages[index].focal_prior)
         if camera is None or not _shows_all(sheet.mesh, camera, pages[index], pages[reference]):
             return None
         cameras[index] = camera
     return replace(sheet, cameras=cameras)
 
 
-def _sheet_of(photo: FlatPhoto, page: ShapedPage, shared: Mapping[int, _Shared]) -> _Candidate:
+def _sheet_of(photo: FlatPhoto, page: SeenPage, shared: Mapping[int, _Shared]) -> _Candidate:
     """The sheet of one photo over its flat view, without cameras."""
     frame, shape = photo.frame, page.shape
     if isinstance(shape, RidgedPage) and isinstance(frame, CurvedFrame):
@@ -217,7 +218,7 @@ def _sheet_of(photo: FlatPhoto, page: ShapedPage, shared: Mapping[int, _Shared])
 def _gather(
     reference: int,
     photos: Mapping[int, FlatPhoto],
-    pages: Mapping[int, ShapedPage],
+    pages: Mapping[int, SeenPage],
     pairs: Sequence[PairRegistration],
 ) -> dict[int, _Shared]:
     """What photo `reference` shares with each other one that it overlaps."""
@@ -246,9 +247,10 @@ def _in_space(mesh: SheetMesh, centred: Points) -> Floats:
     return np.where(known, mesh.place(np.nan_to_num(grid)).X, np.nan)
 
 
-def _shows_all(mesh: SheetMesh, camera: OtherCamera, other: ShapedPage, reference: ShapedPage) -> bool:
+def _shows_all(mesh: SheetMesh, camera: OtherCamera, other: SeenPage, reference: SeenPage) -> bool:
     """Whether the sheet places the text of the photo `other`, which `camera` took, within the `reference` photo."""
-    characters = other.characters[:: max(len(other.characters) // THIN, 1)]
+    characters = other.evidence.text.characters
+    characters = characters[:: max(len(characters) // THIN, 1)]
     page = camera.see(mesh).to_page(other.view.to_centred(characters))
     photo = reference.view.to_photo(mesh.to_photo(page))
     size = np.array([reference.view.width, reference.view.height])
@@ -257,11 +259,10 @@ def _shows_all(mesh: SheetMesh, camera: OtherCamera, other: ShapedPage, referenc
     return len(characters) > 0 and float(np.mean(inside)) >= LEAST_PLACED
 
 
-def _fit_to_all(start: _Candidate, photos: Mapping[int, FlatPhoto], page: ShapedPage) -> _Candidate | None:
+def _fit_to_all(start: _Candidate, pages: Mapping[int, SeenPage]) -> _Candidate | None:
     """The sheet fitted to the print of its photo and to all others; None if it does not explain more."""
-    if page.analysis is None:
-        return None
-    evidence, prior = page.analysis.evidence(page.view), photos[start.reference].focal_prior
+    page = pages[start.reference]
+    evidence, prior = page.evidence, page.focal_prior
 
     def trace(page_map: PageMap) -> LineObservations:
         return trace_by_profiles(evidence.text, page.view, page_map)
@@ -270,7 +271,7 @@ def _fit_to_all(start: _Candidate, photos: Mapping[int, FlatPhoto], page: Shaped
     if observed is None:
         lines = trace(start.mesh)
         observed = SheetObservations(lines, evidence.strokes, (None,) * 4, prior.log_focal, prior.deviation)
-    views = tuple(_view(start, index, photos[index]) for index in start.shared)
+    views = tuple(_view(start, index, pages[index]) for index in start.shared)
     fitted = fit_mesh(start.mesh, replace(observed, views=views), FIT)
     cameras = {index: view.camera for index, view in zip(start.shared, fitted.views, strict=True)}
     found = replace(start, mesh=fitted.mesh, page_map=fitted.mesh, cameras=cameras)
@@ -283,15 +284,14 @@ def _fit_to_all(start: _Candidate, photos: Mapping[int, FlatPhoto], page: Shaped
     return replace(found, page_map=without_waves(found.mesh, lines, trace)[0])
 
 
-def _view(start: _Candidate, index: int, photo: FlatPhoto) -> OtherView:
+def _view(start: _Candidate, index: int, page: SeenPage) -> OtherView:
     """What the fit is shown of another photo: correspondences on the sheet that are not held out."""
-    shared, camera, prior = start.shared[index], start.cameras[index], photo.focal_prior
+    shared, camera, prior = start.shared[index], start.cameras[index], page.focal_prior
     fitted = np.isfinite(_in_space(start.mesh, shared.own)).all(axis=1) & ~shared.held_out
-    unit_px = 0.5 * float(np.hypot(*photo.photo.shape[:2]))
     return OtherView(
         shared.own[fitted],
         shared.other[fitted],
-        MATCH_PX / unit_px,
+        MATCH_PX / page.view.unit_px,
         camera,
         prior.log_focal,
         prior.deviation,

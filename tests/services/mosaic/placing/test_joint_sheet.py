@@ -1,26 +1,30 @@
 """The sheet that several photos show: which photo's is taken, and when none is."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
 from benchmarks.common.residuals import similarity_residual
-from services.arrays import Points
+from services.arrays import GrayImage, Points
+from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.homographies import translation
 from services.geometry.photo_frame import PhotoFrame
-from services.mosaic.flat_photo import FlatPhoto
+from services.geometry.vanishing_points import FlowVanishingPoints, VanishingPoint
+from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.placing import joint_sheet as joint
 from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
 from services.mosaic.placing.placement import Placement
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.developable.observations import NO_LINES
+from services.sheet.evidence import PageEvidence
 from services.sheet.framing import frame_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged_page import RidgedPage
+from services.sheet.tracing.page_text import TracedText
+from services.texture_flow.field import FlowSamples
 from tests.services.sheet.ridged.sheets import CURVED, FOCAL, HEIGHT, WIDTH, Sheet
 from tests.services.sheet.ridged.test_views import second_camera
 
@@ -28,21 +32,8 @@ VIEW = PhotoFrame(1020, 1360)
 TEXT_HEIGHT_PX = 12.0
 PAGE = np.stack(np.meshgrid(np.linspace(-0.35, 0.35, 25), np.linspace(-0.35, 0.35, 33)), axis=-1)
 PAGE = PAGE.reshape(-1, 2) * [WIDTH, HEIGHT]
+POINTS = FlowVanishingPoints(*(VanishingPoint(np.eye(3)[k], 0.0, 0.0, np.zeros(0, bool)) for k in (0, 1)))
 MORE_CURVED, LESS_CURVED = Sheet(radius=0.75), Sheet(radius=1.3)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Text:
-    """What is asked of a page's analysis."""
-
-    characters: Points
-    text_height_px: float = TEXT_HEIGHT_PX
-    text: None = None
-    strokes: None = None
-
-    def evidence(self, _view: PhotoFrame) -> "Text":
-        """Without lines and strokes."""
-        return self
 
 
 @pytest.fixture(autouse=True)
@@ -53,8 +44,11 @@ def no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
 def flat_photo(index: int, mesh: SheetMesh, seen: Points) -> FlatPhoto:
     """A photo whose page was taken for `mesh`, with characters at `seen` (N, 2), centred."""
     characters = VIEW.to_photo(seen)
-    shape = RidgedPage(mesh, mesh, "assumed")
-    page = ShapedPage(VIEW, shape, (), analysis=Text(characters))  # type: ignore[arg-type]
+    blank: GrayImage = np.full((8, 8), 255, np.uint8)
+    text = TracedText(blank, blank < 0, blank < 0, 8 / VIEW.width, characters, TEXT_HEIGHT_PX)
+    flow = FlowSamples(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    evidence = PageEvidence(text, VIEW, flow, flow, POINTS, has_strokes=False)
+    page = SeenPage(RidgedPage(mesh, mesh, "assumed"), evidence, typical_focal_prior())
     frame = frame_mesh(mesh, mesh, VIEW, characters)
     size = frame.height, frame.width
     photo = np.zeros((VIEW.height, VIEW.width, 3), np.uint8)
