@@ -13,6 +13,7 @@ from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.homographies import translation
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints, VanishingPoint
+from services.mosaic.evidence import describe_camera, describe_sheet
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.placing import joint_sheet as joint
 from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
@@ -142,3 +143,23 @@ def test_photos_without_a_page_have_no_joint_sheet() -> None:
     taken, shown = two_photos()
     photos = {k: replace(flat_photo(k, taken[k], shown[k]), page=None) for k in taken}
     assert find_joint_sheet(photos, (), {}) is None
+
+
+def test_the_answer_tells_where_each_camera_sees_the_sheet() -> None:
+    taken, shown = two_photos()
+    found = joint_sheet(taken, shown)
+    assert found is not None
+    photos = {k: flat_photo(k, taken[k], shown[k]) for k in taken}
+    sheet = describe_sheet(found, photos)
+    assert (sheet.kind, sheet.reference, sheet.columns) == ("creased", 0, 25)
+    nodes = np.array(sheet.nodes).reshape(-1, 3)
+    u, v = np.meshgrid(
+        np.linspace(-WIDTH / 2, WIDTH / 2, sheet.columns), np.linspace(-HEIGHT / 2, HEIGHT / 2, sheet.rows)
+    )
+    page = np.stack([u.ravel(), v.ravel()], axis=1)
+    true = {0: CURVED.see(page), 1: second_camera().project(CURVED.place(page))}
+    for k, seen in true.items():
+        camera = describe_camera(found, photos[k])
+        x, y, z = (nodes @ np.array(camera.rotation).T + camera.translation).T
+        at = np.stack([x / z, y / z], axis=1) * camera.focal_length_px + camera.principal_point
+        assert np.abs(at - VIEW.to_photo(seen)).max() < 1.0
