@@ -41,7 +41,7 @@ COLUMNS = 60
 LEAST_PLACED = 0.97
 """Share of the characters of every photo that the sheet must place within the first photo, as for a smooth sheet."""
 LEFT_BY_MATCHING = 0.01
-"""Median distance of correspondences, text heights, up to which a sheet is held as it is: on 14 sets of smooth sheets
+"""Median distance of correspondences, text heights, up to which a sheet is held as it is: on 12 sets of smooth sheets
 the best one leaves 0.0014 to 0.007, on creased ones 0.012 to 0.4."""
 MOST_LEFT = 0.05
 """The same, beyond which no sheet explains all photos: fitted sheets leave at most 0.03 on 28 simulated sets, and
