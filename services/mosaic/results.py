@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
-from services.contract.answers.mosaic import Pair
+from services.contract.answers.mosaic import Pair, SheetCamera, SheetSurface
 from services.notices import Notice
 from services.rectify.results import Orientation
 
@@ -21,17 +21,22 @@ class Patch:
         (c (width-1)/(columns-1), r (height-1)/(rows-1)).
     scale : mosaic pixels per photo pixel at the centre of the shown part.
     sharpness : mean gradient magnitude of its print relative to the sharpest photo, in (0, 1].
+    camera : the photo's camera before the page's `surface`; None where each photo was flattened by itself.
     """
 
     placed: bool
     mesh: NDArray[np.float64] | None = None
     scale: float | None = None
     sharpness: float | None = None
+    camera: SheetCamera | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MosaicResult:
-    """The whole page. `base` is the photo where the composition started; `unplaced` are indices of photos."""
+    """The whole page. `base` is the photo where the composition started; `unplaced` are indices of photos.
+
+    `surface` is the bent sheet that all photos show; None where each was flattened by itself.
+    """
 
     image: RgbImage
     base: int
@@ -41,3 +46,4 @@ class MosaicResult:
     orientation: Orientation
     warnings: tuple[Notice, ...] = ()
     timings_ms: dict[str, float] = field(default_factory=dict)
+    surface: SheetSurface | None = None

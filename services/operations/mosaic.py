@@ -147,6 +147,7 @@ def describe_mosaic(result: MosaicResult) -> answers.MosaicResult:
         orientation=describe_orientation(result.orientation, None),
         patches=[_describe_patch(patch) for patch in result.patches],
         pairs=list(result.pairs),
+        surface=result.surface,
         unplaced=list(result.unplaced),
         warnings=describe_warnings(result.warnings),
         timings_ms={},
@@ -159,5 +160,9 @@ def _describe_patch(patch: Patch) -> answers.Patch:
         rows, columns = patch.mesh.shape[:2]
         mesh = answers.PatchMesh(rows=rows, columns=columns, target=np.round(patch.mesh, 3).tolist())
     return answers.Patch(
-        placed=patch.placed, mesh=mesh, scale=rounded(patch.scale), sharpness=rounded(patch.sharpness)
+        placed=patch.placed,
+        mesh=mesh,
+        scale=rounded(patch.scale),
+        sharpness=rounded(patch.sharpness),
+        camera=patch.camera,
     )
