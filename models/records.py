@@ -140,7 +140,8 @@ ResultState = Literal["open", "confirmed", "corrected"]
 class ListedResult:
     """The result of one page in a list; `result` is its `LayoutResult` without the id.
 
-    `stored_bytes` is the size of all that is stored of it, as JSON.
+    `stored_bytes` is the size of all that is stored of it, as JSON. `document` is the id of the document of several
+    pages that it belongs to; None: of none, or an older release has stored it.
     """
 
     id: str
@@ -149,6 +150,7 @@ class ListedResult:
     created_at: datetime
     expires_at: datetime
     state: ResultState
+    document: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -48,14 +48,15 @@ class ResultRepository(Transactions):
     ) -> tuple[str, list[str]]:
         """Store the results of a document and of its pages in one transaction; return their ids.
 
-        The stored document has the ids of its pages under `pages`. Its own id is older than theirs, so that a purge
-        deletes the document before its first page.
+        The stored document has the ids of its pages under `pages`, they have its id under `in_document`. Its own id is
+        older than theirs, so that a purge deletes the document before its first page.
         """
         with self._changing() as (session, _):
             now = self._clock()
             document_id, *page_ids = self._new_ids(session, ResultRow.id, now, 1 + len(pages))
             whole = ResultDraft({**document, "pages": page_ids}, owner=pages[0].owner if pages else None)
-            self._keep(session, [document_id, *page_ids], [whole, *pages], now, ttl_s)
+            parts = [replace(page, document={**page.document, "in_document": document_id}) for page in pages]
+            self._keep(session, [document_id, *page_ids], [whole, *parts], now, ttl_s)
         return document_id, page_ids
 
     def _keep(
@@ -229,7 +230,9 @@ def _each_listed(session: Session, wanted: Select[ResultRow, bool, bool]) -> Ite
             found: ResultState = "confirmed" if is_verified else "open"
             found = "corrected" if is_corrected else found
             result = document["result"]
-            yield ListedResult(row.id, result, size, row.created_at, row.expires_at, found)
+            whole = document.get("in_document")  # True: an older release has stored the page
+            whole = whole if isinstance(whole, str) else None
+            yield ListedResult(row.id, result, size, row.created_at, row.expires_at, found, whole)
         session.expunge(row)
 
 

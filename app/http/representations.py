@@ -226,6 +226,7 @@ _EXTENSIONS = {
     "text/plain": "txt",
     "text/markdown": "md",
     "text/html": "html",
+    "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet": "xlsx",
 }
 
 
@@ -251,9 +252,16 @@ def content_disposition(upload_name: str | None, suffix: str, media_type: str) -
 
 def file_stem(upload_name: str | None) -> str:
     """File name of an upload without folders and extension; `page` if it has none."""
-    base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
-    stem = "".join(character for character in base if character.isprintable())[:100]
+    stem = (file_name(upload_name) or "")[:100]
     return stem.rpartition(".")[0] or stem or "page"
+
+
+def file_name(upload_name: str | None) -> str | None:
+    """File name of an upload without folders and unprintable characters, 200 at most; None if nothing is left."""
+    base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
+    # Names of screenshots have spaces that are not printable by themselves.
+    spaced = (" " if character.isspace() else character for character in base)
+    return "".join(character for character in spaced if character.isprintable())[:200].strip() or None
 
 
 def image_headers(answer: RectifyResult | MosaicResult | PagesResult) -> dict[str, str]:

@@ -1,10 +1,11 @@
 """POST /layout: a page or its zones -> document class and labels."""
 
 import asyncio
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Query, Request, Response, UploadFile
+from fastapi import APIRouter, Form, Query, Request, Response
 
 from app.access.callers import caller_of
 from app.http.form_parts import FormRoute
@@ -15,6 +16,7 @@ from app.http.problems import documented
 from app.http.representations import (
     choose_described_format,
     content_disposition,
+    file_name,
     layout_headers,
 )
 from app.learning.labelled_pages import MissingPart, layout_settings, zones_upload
@@ -45,6 +47,8 @@ FEWEST_FILES = 64
 
 SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled", "html": ""}
 """What the file names of results add to that of the upload."""
+UNNAMED = "page"
+"""Name in PAGE-XML, ALTO and HTML of an image without one."""
 _STRING = {"schema": {"type": "string"}}
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
 OTHER_CONTENT = {
@@ -125,6 +129,8 @@ async def layout(
     chosen = choose_described_format(form.format, request.headers.get("accept"), MEDIA_TYPES)
     images = form.image or []
     check_not_empty(images)
+    names = [file_name(image.filename) for image in images]
+    first_name = names[0] if names else None
     language = chosen_language(form.language, settings)
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
@@ -145,8 +151,8 @@ async def layout(
                 format=chosen,
                 explain=form.explain,
                 words=form.words,
-                image_name=_image_name(images[:1]),
-                image_names=tuple(_image_name([image]) for image in images),
+                image_name=first_name or UNNAMED,
+                image_names=tuple(name or UNNAMED for name in names),
                 page=form.page,
                 format_named=form.format is not None,
                 keep_image_bytes=settings.max_kept_image_bytes if keeps_image else 0,
@@ -160,15 +166,16 @@ async def layout(
         for page in reply.pages if isinstance(reply, DocumentReply) else (reply,):
             await _decide(state, page.answer)
         if isinstance(reply, DocumentReply):
-            return await _answer_document(state, reply, chosen, _image_name(images[:1]), caller.name)
+            return await _answer_document(state, reply, chosen, names, caller.name)
         result = reply.answer
+        result.file_name = first_name
         stored = await asyncio.to_thread(stored_form, result)
         result.id = await state.store.keep_result({"result": stored, "page": reply.page}, caller.name)
         await keep_pictures(state, result.id, {result.id: reply.picture})
         headers = layout_headers(result, reply.drawn)
         headers["Document-Result"] = f"/layout/results/{result.id}"
         if chosen != "json":
-            headers |= content_disposition(_image_name(images[:1]), SUFFIXES[chosen], reply.media_type)
+            headers |= content_disposition(first_name, SUFFIXES[chosen], reply.media_type)
             return Response(reply.body, media_type=reply.media_type, headers=headers)
         return await answer_json(lambda: result, headers=headers)
 
@@ -176,17 +183,22 @@ async def layout(
 
 
 async def _answer_document(
-    state: State, reply: DocumentReply, chosen: LayoutFormat, name: str, owner: str | None
+    state: AppState,
+    reply: DocumentReply,
+    chosen: LayoutFormat,
+    names: Sequence[str | None],
+    owner: str | None,
 ) -> Response:
+    """Store and answer a document; `names` are those of the images."""
     whole = reply.answer
+    whole.file_name = names[0]
+    for page in reply.pages:
+        page.answer.file_name = names[page.upload]
     document = stored_form(whole)
     pages = await asyncio.to_thread(lambda: [stored_form(page.answer) for page in reply.pages])
     whole.id, page_ids = await state.store.keep_document(
         {"document": document},
-        [
-            {"result": stored, "page": page.page, "in_document": True}
-            for stored, page in zip(pages, reply.pages, strict=True)
-        ],
+        [{"result": stored, "page": page.page} for stored, page in zip(pages, reply.pages, strict=True)],
         owner,
     )
     for page, page_id in zip(reply.pages, page_ids, strict=True):
@@ -197,7 +209,7 @@ async def _answer_document(
     headers = layout_headers(whole)
     headers["Document-Result"] = f"/layout/results/{whole.id}"
     if chosen != "json":
-        headers |= content_disposition(name, SUFFIXES[chosen], reply.media_type)
+        headers |= content_disposition(names[0], SUFFIXES[chosen], reply.media_type)
         return Response(reply.body, media_type=reply.media_type, headers=headers)
     return await answer_json(lambda: whole, headers=headers)
 
@@ -247,9 +259,3 @@ def check_parts(form: LayoutForm, max_pages: int) -> None:
             "rectify: zones are in pixels of the image before rectification. Send the image without zones.",
             "rectify",
         )
-
-
-def _image_name(images: list[UploadFile]) -> str:
-    """Name of the image in PAGE-XML and ALTO: its file name without folders."""
-    name = (images[0].filename or "") if images else ""
-    return name.replace("\\", "/").rpartition("/")[2][:200] or "page"

@@ -1,7 +1,8 @@
 """GET and DELETE of /layout/results/{id}: a stored result again, in any format, as feedback has corrected it."""
 
 import asyncio
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -88,7 +89,8 @@ async def _answer_file(
     request: Request, state: AppState, kept: StoredResult, chosen: LayoutFormat
 ) -> Response:
     results = kept.pages if "pages" in kept.document else (kept,)
-    pages = [await _kept_result(state, each, chosen) for each in results]
+    names = _image_names(results)
+    pages = [await _kept_result(state, each, chosen, name) for each, name in zip(results, names, strict=True)]
     seat = state.engine.admit()
     try:
         settings = layout_settings(state.settings)
@@ -102,7 +104,23 @@ async def _answer_file(
     return Response(file.body, media_type=file.media_type, headers=headers)
 
 
-async def _kept_result(state: AppState, kept: StoredResult, chosen: LayoutFormat) -> KeptResult:
+def _image_names(results: Sequence[StoredResult]) -> list[str]:
+    """Names of the images in whose pixels the pages are: those of the uploads, else the ids of the results.
+
+    Pages of one file, and flat pages, are not the uploaded image.
+    """
+    documents = [each.document["result"] for each in results]
+    uploads = Counter(document.get("file_name") for document in documents)
+    return [
+        name if name and uploads[name] == 1 and document.get("page") is None else each.id
+        for each, document in zip(results, documents, strict=True)
+        for name in [document.get("file_name")]
+    ]
+
+
+async def _kept_result(
+    state: AppState, kept: StoredResult, chosen: LayoutFormat, image_name: str
+) -> KeptResult:
     result = kept.document["result"]
     elements = await state.store.call(lambda store: _elements_of(store, result))
     picture = b""
@@ -111,7 +129,7 @@ async def _kept_result(state: AppState, kept: StoredResult, chosen: LayoutFormat
             picture = await state.images.picture(kept.id, result["image"]["bytes"])
         except ResultNotFound:  # it gave way to newer pictures
             picture = b""
-    return KeptResult(result, kept.document["page"], kept.id, picture, elements)
+    return KeptResult(result, kept.document["page"], image_name, picture, elements)
 
 
 def _elements_of(store: Store, result: Mapping[str, Any]) -> dict[str, HtmlElement]:

@@ -1,7 +1,5 @@
-"""GET /layout/results: the newest results with their values, as JSON, JSON lines or CSV, page by page."""
+"""GET /layout/results: the newest results with their values, as JSON, JSON lines, CSV or XLSX, page by page."""
 
-import csv
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal, cast
@@ -13,13 +11,22 @@ from app.access.callers import caller_of
 from app.http.paging import LINK, link_next
 from app.http.preconditions import Conflict
 from app.http.problems import documented
-from app.http.representations import choose_described_format
+from app.http.representations import choose_described_format, content_disposition
 from app.routes.common_responses import STORE
-from app.schemas.layout_results import LIST_MEDIA_TYPES, ListFormat, ResultEntry, ResultList
+from app.routes.result_tables import (
+    as_it_is,
+    harmless,
+    rows_of_documents,
+    rows_of_values,
+    write_csv,
+    write_workbook,
+)
+from app.schemas.layout_results import LIST_MEDIA_TYPES, ListFormat, ListRows, ResultEntry, ResultList
 from app.schemas.options import Absent
 from app.state import State
 from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
 from models.repository import Store, cursor_of
+from services.errors import InvalidOption
 
 router = APIRouter(tags=["layout"])
 
@@ -28,22 +35,6 @@ MOST_LISTED = 200
 """Results of one answer; the documents of 200 pages with all their zones are read in 0.2 s."""
 MOST_LISTED_BYTES = 4 << 20
 """Of all that is stored of the results of one answer, as JSON. The last result may reach over it."""
-COLUMNS = (
-    "result",
-    "created",
-    "state",
-    "class",
-    "probability",
-    "label",
-    "type",
-    "value",
-    "currency",
-    "problem",
-    "confidence",
-    "text",
-)
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""First letters by which spreadsheets take a text as a formula."""
 
 
 @router.get(
@@ -57,6 +48,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
             "content": {
                 "text/csv": {"schema": {"type": "string"}},
                 "application/jsonl": {"schema": {"type": "string"}},
+                LIST_MEDIA_TYPES["xlsx"]: {"schema": {"type": "string", "format": "binary"}},
             },
             "headers": LINK,
         },
@@ -80,19 +72,27 @@ async def layout_results(
         Query(description="gain: what is expected to teach most first. confidence: the least sure first."),
     ] = "newest",
     format: Annotated[ListFormat | None, Query(description="Or by `Accept`.")] = None,
+    rows: Annotated[
+        ListRows,
+        Query(
+            description="Of CSV and XLSX. documents: one row for all pages of a document, with columns by label."
+        ),
+    ] = "values",
 ) -> Response:
     """List the kept results of pages with the values of their fields: the newest first, or as a review queue.
 
-    JSON lines have one result a line, CSV one value a row. A result that is made meanwhile is not in later answers; one
-    that expires is left out. Where results are large, an answer has fewer than `limit`; `next` leads on, as does the
-    header `Link`. With API keys, the results are those of the caller's key.
+    JSON lines have one result a line, CSV and XLSX one value a row, or one document (`rows`). A result that is made
+    meanwhile is not in later answers; one that expires is left out. Where results are large, an answer has fewer than
+    `limit`; `next` leads on, as does the header `Link`. With API keys, the results are those of the caller's key.
     """
     chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
     owner = caller_of(request).only
+    if rows == "documents" and chosen not in ("csv", "xlsx"):
+        raise InvalidOption("rows: only CSV and XLSX have rows; ask for format=csv or format=xlsx.", "rows")
 
     def read(store: Store) -> tuple[Response, str | None]:
-        reviews, results, following = _read(store, limit, state_, order, cursor, owner)
-        return _listed(results, reviews, chosen, following), following
+        reviews, results, following = _read(store, limit, state_, order, cursor, owner, rows)
+        return _listed(results, reviews, chosen, rows, following), following
 
     response, following = await state.store.read_list(read)
     if following is not None:
@@ -107,8 +107,11 @@ def _read(
     order: ReviewOrder,
     after: str | None,
     owner: str | None,
+    rows: ListRows,
 ) -> tuple[dict[str, Review], list[ListedResult], str | None]:
     """What the queue knows of results, by their ids; the results in their order; the cursor of those that follow.
+
+    Where rows are documents, the newest ones are not cut: there may be more results than `limit`.
 
     Raises
     ------
@@ -119,8 +122,10 @@ def _read(
         raise Conflict("cursor: it belongs to a list in another order; begin again without it.", "cursor")
     if order == "newest" and state in (None, "confirmed", "corrected"):
         of_state = None if state is None else cast(ResultState, state)
-        results, has_more = _first_of(store.each_result(before=after, owner=owner, state=of_state), limit)
-        reviews = store.reviews(limit, ids=[each.id for each in results])
+        results, has_more = _first_of(
+            store.each_result(before=after, owner=owner, state=of_state), limit, rows
+        )
+        reviews = store.reviews(len(results), ids=[each.id for each in results])
         following = results[-1].id if has_more else None
         return {review.id: review for review in reviews}, results, following
     reviews = store.reviews(limit + 1, state=state, order=order, after=after, owner=owner)
@@ -132,35 +137,64 @@ def _read(
     return known, results, cursor_of(reviews[limit - 1], order) if len(reviews) > limit else None
 
 
-def _first_of(results: Iterator[ListedResult], limit: int) -> tuple[list[ListedResult], bool]:
+def _first_of(
+    results: Iterator[ListedResult], limit: int, rows: ListRows = "values"
+) -> tuple[list[ListedResult], bool]:
     """The first results, with what is listed of them alone, and whether there are more.
 
-    There are `limit` at most, and fewer where their documents have more than `MOST_LISTED_BYTES`.
+    There are `limit` at most, and fewer where their documents have more than `MOST_LISTED_BYTES`; where rows are
+    documents, the pages of the last one are all there.
     """
     found: list[ListedResult] = []
     size = 0
     for each in results:
-        if len(found) == limit or size >= MOST_LISTED_BYTES:
+        is_full = len(found) >= limit or size >= MOST_LISTED_BYTES
+        goes_on = rows == "documents" and found and each.document and each.document == found[-1].document
+        if is_full and not goes_on:
             return found, True
         size += each.stored_bytes
         listed: dict[str, Any] = {
-            name: each.result[name] for name in ("class", "fields") if name in each.result
+            name: each.result[name] for name in ("file_name", "class", "fields") if name in each.result
         }
         found.append(replace(each, result=listed))
     return found, False
 
 
 def _listed(
-    results: Sequence[ListedResult], reviews: Mapping[str, Review], chosen: ListFormat, following: str | None
+    results: Sequence[ListedResult],
+    reviews: Mapping[str, Review],
+    chosen: ListFormat,
+    rows: ListRows,
+    following: str | None,
 ) -> Response:
     entries = [_entry(each, reviews.get(each.id)) for each in results]
-    if chosen == "csv":
-        return Response(_csv(entries), media_type="text/csv")
+    if chosen in ("csv", "xlsx"):
+        written = harmless if chosen == "csv" else as_it_is
+        table = (
+            rows_of_values(entries, written)
+            if rows == "values"
+            else rows_of_documents(_by_document(results, entries), written)
+        )
+        media_type = LIST_MEDIA_TYPES[chosen]
+        if chosen == "csv":
+            return Response(write_csv(table), media_type=media_type)
+        headers = content_disposition(rows, "", media_type)
+        return Response(write_workbook(table, rows), media_type=media_type, headers=headers)
     if chosen == "jsonl":
         lines = (entry.model_dump_json(by_alias=True) + "\n" for entry in entries)
         return Response("".join(lines), media_type="application/jsonl")
     body = ResultList(results=entries, next=following).model_dump_json(by_alias=True)
     return Response(body, media_type="application/json")
+
+
+def _by_document(
+    results: Sequence[ListedResult], entries: Sequence[ResultEntry]
+) -> dict[str, list[ResultEntry]]:
+    """The entries of the pages of each document by its id, in the order of the list; its pages in theirs."""
+    found: dict[str, list[ResultEntry]] = {}
+    for listed, entry in zip(results, entries, strict=True):
+        found.setdefault(listed.document or listed.id, []).append(entry)
+    return {id: sorted(pages, key=lambda page: page.id) for id, pages in found.items()}
 
 
 def _entry(listed: ListedResult, review: Review | None) -> ResultEntry:
@@ -169,6 +203,7 @@ def _entry(listed: ListedResult, review: Review | None) -> ResultEntry:
     return ResultEntry.model_validate(
         {
             "id": listed.id,
+            "file_name": result.get("file_name"),
             "created": listed.created_at,
             "expires": listed.expires_at,
             "state": listed.state if review is None else review.state,
@@ -190,36 +225,3 @@ def _facts(review: Review) -> dict[str, Any]:
         "claimed_by": review.claimed_by,
         "claimed_until": review.claimed_until,
     }
-
-
-def _csv(entries: Sequence[ResultEntry]) -> str:
-    """A row for each value, after a row with the names of the columns (RFC 4180)."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS)
-    writer.writeheader()
-    for entry in entries:
-        shared = {
-            "result": entry.id,
-            "created": entry.created.isoformat(),
-            "state": entry.state,
-            "class": entry.class_,
-            "probability": entry.probability,
-        }
-        for field in entry.fields:
-            values: Mapping[str, Any] = field.model_dump(exclude={"zones"})
-            is_read = field.type in ("text", "pattern")
-            writer.writerow(
-                {
-                    **shared,
-                    **values,
-                    "label": _harmless(field.label),
-                    "text": _harmless(field.text),
-                    "value": _harmless(field.value) if is_read else field.value,
-                }
-            )
-    return text.getvalue()
-
-
-def _harmless(text: str | None) -> str | None:
-    """A text that no spreadsheet takes as a formula: an apostrophe stands before its first letter if one could."""
-    return f"'{text}" if text and text.startswith(_FORMULA) else text

@@ -6,14 +6,16 @@ from typing import Literal
 from pydantic import ConfigDict, Field
 
 from app.schemas.review import ReviewFacts
-from services.contract.answers.layout import LabelField
+from services.contract.answers.layout import FileName, LabelField
 from services.contract.answers.page import Answer
 
-ListFormat = Literal["json", "csv", "jsonl"]
+ListFormat = Literal["json", "csv", "jsonl", "xlsx"]
+ListRows = Literal["values", "documents"]
 LIST_MEDIA_TYPES: dict[ListFormat, str] = {
     "json": "application/json",
     "csv": "text/csv",
     "jsonl": "application/jsonl",
+    "xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
 }
 
 
@@ -23,6 +25,7 @@ class ResultEntry(Answer):
     model_config = ConfigDict(extra="forbid", serialize_by_alias=True)
 
     id: str = Field(description="As in /layout/results/{id}.")
+    file_name: FileName
     created: datetime
     expires: datetime
     state: Literal["open", "confirmed", "corrected", "skipped"] = Field(

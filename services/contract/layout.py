@@ -145,10 +145,14 @@ class LayoutReply:
 
 @dataclass(frozen=True, slots=True)
 class DocumentPage:
-    """One page of a document: its answer without the id, the page with all measurements, and its picture."""
+    """One page of a document: its answer without the id, the page with all measurements, and its picture.
+
+    `upload` is the index of the image that it is in.
+    """
 
     answer: LayoutResult
     page: PageJson
+    upload: int
     picture: bytes = b""
 
 

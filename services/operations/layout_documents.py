@@ -177,9 +177,12 @@ def _recognize_pages(
         DocumentPage(
             described,
             to_json_ready(page_to_document(placed.recognition.page)),
+            source.upload,
             b"" if measured.kept is None else measured.kept.body,
         )
-        for described, placed, measured in zip(documents, recognition.pages, measured_pages, strict=True)
+        for described, placed, measured, source in zip(
+            documents, recognition.pages, measured_pages, sources, strict=True
+        )
     ]
     return DocumentReply(body, media_type, answer, pages)
 

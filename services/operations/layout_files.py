@@ -39,7 +39,8 @@ def render_results(
     """
     if format == "html":
         html = [HtmlPage(_answer(page), page.picture or None, page.elements) for page in pages]
-        return RenderedResults(render_html(html, ""), MEDIA_TYPES[format])
+        title = html[0].answer.file_name or ""
+        return RenderedResults(render_html(html, title), MEDIA_TYPES[format])
     recognized = [_recognition(page, settings) for page in pages]
     if format == "png":
         if len(pages) > 1:

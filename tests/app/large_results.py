@@ -118,7 +118,7 @@ def _recognized(models: list[ModelDocument]) -> DocumentPage:
     assert isinstance(shown, list)
     document |= {"zones": [{**zone, "words": words} for zone in shown], "fields": fields}
     answer = result_of(json.loads(json.dumps(document)), "")  # pickle would send what is equal once
-    return DocumentPage(answer, page, b"")
+    return DocumentPage(answer, page, 0)
 
 
 def import_model(name: str, document: bytes) -> ModelDraft:

@@ -231,7 +231,8 @@ def recognize_layout(
     """
     field = "image[{}]" if len(images) > 1 else "image"
     verbs = [follow(image, field.format(index)) for index, image in enumerate(images)]
-    count = sum(int(verb.removeprefix(b"pages-")) if verb.startswith(b"pages-") else 1 for verb in verbs)
+    counts = [int(verb.removeprefix(b"pages-")) if verb.startswith(b"pages-") else 1 for verb in verbs]
+    uploads = [index for index, count in enumerate(counts) for _ in range(count)]
     page = PAGE if zones is None else _page(zones)
     labels = [label for model in models[:1] for label in _labels(model.document)]
     asked = {
@@ -251,14 +252,14 @@ def recognize_layout(
     if options.rectify:
         flat = rectified_document(RectifyParameters(), Encoding(), None)
         document["page"] = {name: flat[name] for name in FlatPage.model_fields}
-    if count < 2 or options.page is not None:
+    if len(uploads) < 2 or options.page is not None:
         drawn = DrawnPage(1.5, 1.25, 0, 60) if options.format == "png" else None
         return LayoutReply(body, media_type, _result(document), page, picture, drawn)
     names = ("class", "classes", "unknown_probability", "warnings", "timings_ms")
     whole = DocumentResult.model_validate({"id": "", "pages": [], **{name: document[name] for name in names}})
     media_type = media_type if options.format in ("json", "html") else "application/zip"
     document |= {"part": "first" if models else None, "document_class": models[0].name if models else None}
-    pages = [DocumentPage(_result(document), page, picture) for _ in range(count)]
+    pages = [DocumentPage(_result(document), page, upload, picture) for upload in uploads]
     return DocumentReply(body, media_type, whole, pages)
 
 

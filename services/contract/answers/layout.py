@@ -181,6 +181,16 @@ class MatchReport(Answer):
     )
 
 
+FileName = Annotated[
+    str | None,
+    Field(
+        max_length=200,
+        description="Name of the uploaded image, of a document of the first one, without folders; null: no image came, "
+        "or none with a name.",
+    ),
+]
+
+
 class LayoutResult(Answer):
     """Class of a document and labels of its zones.
 
@@ -194,6 +204,7 @@ class LayoutResult(Answer):
     )
 
     id: str = Field(description="Id of the result, as in /layout/results/{id}.")
+    file_name: FileName = None
     width: int | float = Field(gt=0, description="Pixels; an integer unless the zones were uploaded.")
     height: int | float = Field(gt=0)
     class_: DocumentClass | None = Field(validation_alias="class", serialization_alias="class")
@@ -257,6 +268,7 @@ class DocumentResult(Answer):
     id: str = Field(
         description="Id of the result, as in /layout/results/{id}; feedback goes to the results of the pages."
     )
+    file_name: FileName = None
     class_: DocumentClass | None = Field(validation_alias="class", serialization_alias="class")
     found: FoundClass | None = Field(default=None, exclude_if=_is_absent, description=_FOUND)
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
