@@ -257,6 +257,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         "results": [
             {
                 "id": RESULT,
+                "file_name": "scan-0412.jpg",
                 "created": WHEN,
                 "expires": WHEN,
                 "state": "confirmed",

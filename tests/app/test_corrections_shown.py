@@ -44,13 +44,16 @@ def client() -> Iterator[httpx.Client]:
 
 
 def recognize(client: httpx.Client, seed: int, models: str = "letter") -> dict[str, Any]:
-    """The answer about a letter with texts; among models that are none of it no class is found."""
+    """The answer about a letter with texts, on an empty picture; among models that are none of it no class is found."""
     sent = page("letter", seed)
     for zone, text in zip(
         sent["zones"], ("The Miller Company", "Marcb 3, 199B", "one\ntwo\nthree"), strict=True
     ):
         zone |= {"label": None, "text": text}
-    response = client.post("/layout", data={"zones": json.dumps(sent), "models": models})
+    paper = io.BytesIO()
+    Image.new("RGB", (sent["width"], sent["height"]), "white").save(paper, "PNG")
+    data = {"zones": json.dumps(sent), "models": models, "ocr": "off"}
+    response = client.post("/layout", data=data, files={"image": (f"letter-{seed}.png", paper.getvalue())})
     assert response.status_code == 200, response.text
     answer: dict[str, Any] = response.json()
     return answer
@@ -172,6 +175,7 @@ def check_shown(
         kept = kept if before["class"] is None else {}
         assert all(zone["label"] == (kept | said).get(name) for name, zone in zones.items())
 
+    assert result["file_name"] == first["file_name"] is not None
     # The machine's word stands beside it where it differs, and nowhere else.
     assert (result["class"] or {"name": None})["name"] == verified
     found_class = first["class"] or {"name": None, "probability": first["unknown_probability"]}
@@ -208,6 +212,7 @@ def check_shown(
     assert len(entries) == 4
     for entry in entries:
         assert (entry["class"], entry["fields"]) == (verified, result["fields"])
+        assert entry["file_name"] == first["file_name"]
         review = {name: entry["review"][name] for name in ("zones", "confidence", "gain", "decision")}
         assert review == {"zones": len(zones), "confidence": 1.0, "gain": 0.0, "decision": "accept"}
 

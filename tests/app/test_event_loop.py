@@ -115,6 +115,8 @@ REQUESTS: dict[str, Callable[["_Filled"], httpx.Response]] = {
     "results": _get("/layout/results?limit=200"),
     "results as lines": _get("/layout/results?limit=200&format=jsonl"),
     "results as CSV": _get("/layout/results?limit=200&format=csv"),
+    "results as a workbook": _get("/layout/results?limit=200&format=xlsx"),
+    "documents as a workbook": _get("/layout/results?limit=200&format=xlsx&rows=documents"),
     "drawn zones": lambda client: client.post("/layout/results/{page}/feedback", json=_drawn()),
     "unknown labels": lambda client: client.post(
         "/layout/results/{result}/feedback",

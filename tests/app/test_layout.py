@@ -52,10 +52,11 @@ def test_the_answer_is_the_contracts(client: httpx.Client) -> None:
     assert response.headers["content-type"] == "application/json"
     answer: dict[str, Any] = response.json()
     assert list(answer) == [
-        "id", "width", "height", "class", "classes", "unknown_probability", "zones", "fields", "match",
+        "id", "file_name", "width", "height", "class", "classes", "unknown_probability", "zones", "fields", "match",
         "part", "document_class", "language", "page", "orientation", "image", "decision", "warnings", "timings_ms",
     ]  # fmt: skip
     LayoutResult.model_validate(answer)
+    assert answer["file_name"] == "page.png"
     assert answer["class"] == {"name": "letter", "model_version": 1, "cost": 1.5, "probability": 0.375}
     assert [match["name"] for match in answer["classes"]] == ["letter", "memo"]
     assert [zone["label"] for zone in answer["zones"]] == ["sender", None]
@@ -210,6 +211,36 @@ def test_a_bad_option_is_named(
 )
 def test_options_reach_the_operation(client: httpx.Client, data: dict[str, str], expected: str) -> None:
     assert expected in notices(post(client, data, image=upload("")))["options"]
+
+
+@pytest.mark.parametrize(
+    ("sent", "name"),
+    [
+        ("C:\\\\Scans\\\\Übung 1.PNG", "Übung 1.PNG"),
+        ("/etc/passwd", "passwd"),
+        ("a\u202eb\u202f1.png", "ab 1.png"),
+        ("=1+1.png", "=1+1.png"),
+        ("n" * 300, "n" * 200),
+        ("folder/", None),
+        ("\u200b", None),
+    ],
+)
+def test_the_name_of_the_upload_is_kept(client: httpx.Client, sent: str, name: str | None) -> None:
+    quoted = sent.replace("\\", "\\\\").encode()
+    body = b'--edge\r\nContent-Disposition: form-data; name="image"; filename="' + quoted + b'"\r\n\r\n'
+    headers = {"Content-Type": "multipart/form-data; boundary=edge"}
+    response = client.post("/layout", content=body + upload("") + b"\r\n--edge--\r\n", headers=headers)
+    assert response.status_code == 200, response.text
+    answer = response.json()
+    assert answer["file_name"] == name
+    assert client.get(f"/layout/results/{answer['id']}").json()["file_name"] == name
+    assert client.get("/layout/results?limit=1").json()["results"][0]["file_name"] == name
+    assert f"image_name={(name or 'page')!r}" in notices(response)["options"]
+
+
+def test_zones_have_no_file_name(client: httpx.Client) -> None:
+    zones = json.dumps({"width": 100, "height": 100, "zones": [{"id": "a", "box": [10, 10, 20, 20]}]})
+    assert post(client, {"zones": zones}).json()["file_name"] is None
 
 
 @pytest.mark.parametrize(

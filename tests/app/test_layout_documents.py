@@ -43,6 +43,7 @@ def test_the_answer_is_the_contracts(client: httpx.Client, images: list[bytes]) 
     answer = response.json()
     assert list(answer) == [
         "id",
+        "file_name",
         "class",
         "classes",
         "unknown_probability",
@@ -55,6 +56,13 @@ def test_the_answer_is_the_contracts(client: httpx.Client, images: list[bytes]) 
     assert len(answer["pages"]) == 3
     assert response.headers["document-class"] == "letter"
     assert response.headers["document-result"] == f"/layout/results/{answer['id']}"
+
+
+def test_pages_have_the_names_of_their_images(client: httpx.Client) -> None:
+    answer = post(client, upload("pages-2"), upload("")).json()
+    assert answer["file_name"] == "page-0.png"
+    assert [page["file_name"] for page in answer["pages"]] == ["page-0.png", "page-0.png", "page-1.png"]
+    assert client.get(f"/layout/results/{answer['id']}").json() == answer
 
 
 def test_the_document_and_its_pages_are_kept(client: httpx.Client) -> None:

@@ -1,4 +1,4 @@
-"""GET /layout/results: pages of results with their values, as JSON, JSON lines and CSV."""
+"""GET /layout/results: pages of results with their values, as JSON, JSON lines, CSV and XLSX."""
 
 import csv
 import io
@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import openpyxl
 import pytest
 
+from app.schemas.layout_results import LIST_MEDIA_TYPES
 from app.storage.layout_store import DATABASE
 from models.documents import decode_measured
-from models.records import ReviewDraft
+from models.records import ResultDraft, ReviewDraft
 from models.repository import Store
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
@@ -119,3 +121,133 @@ def test_a_list_of_large_results_has_short_pages(
             path = response.links.get("next", {}).get("url", "")
     assert (seen, answers) == (ids[::-1], 4)
     assert len(decoded) == 4 + 3  # and of each answer but the last the one after it
+
+
+HOSTILE = (
+    "=1+1",
+    "+1",
+    "-1",
+    "@SUM(A1)",
+    "#REF!",
+    "a\x07\ud7ff\ufffe",
+    "x" * 40_000,
+    "two\nlines",
+    " spaced ",
+    "Ärger",
+)
+
+
+def page(
+    *fields: tuple[str, str, str | None], of_class: str = "invoice", name: str | None = None
+) -> dict[str, Any]:
+    """A stored result of a page; `fields` have label, text and value. Without a name it is that of an older release."""
+    found = {"name": of_class, "model_version": 1, "cost": 1.0, "probability": 0.9}
+    shown = [
+        {"label": label, "text": text, "value": value, "confidence": 0.5, "zones": ["z"]}
+        for label, text, value in fields
+    ]
+    result = {"class": found, "fields": shown, "zones": []}
+    return {"result": result if name is None else {**result, "file_name": name}, "page": {}}
+
+
+def sheet_of(response: httpx.Response) -> list[list[Any]]:
+    """The cells of the only sheet, None where one is empty; none of them is a formula."""
+    assert response.status_code == 200, response.text
+    assert response.headers["content-type"] == LIST_MEDIA_TYPES["xlsx"]
+    [sheet] = openpyxl.load_workbook(io.BytesIO(response.content))
+    assert {cell.data_type for row in sheet for cell in row} <= {"s", "inlineStr", "n"}
+    return [list(row) for row in sheet.values]
+
+
+def test_a_workbook_has_the_texts_of_csv_and_none_is_a_formula(tmp_path: Path) -> None:
+    """Hostile texts as label, value, text and file name, in both kinds of rows."""
+    texts = HOSTILE[::-1]
+    clean = [text[:32_767].replace("\x07", "").replace("\ufffe", "") for text in texts]
+    quoted = [f"'{text}" if text[0] in "=+-@" else text for text in texts]
+    with Store.open(tmp_path / DATABASE) as store:
+        for text in HOSTILE:
+            store.add_result(page((text, text, text), name=text[:200]), 1000)
+    with serving(data_dir=tmp_path) as client:
+        for rows in ("values", "documents"):
+            query = {"rows": rows, "format": "xlsx"}
+            response = client.get("/layout/results", params=query)
+            assert f'filename="{rows}.xlsx"' in response.headers["content-disposition"]
+            cells = sheet_of(response)
+            text = client.get("/layout/results", params={**query, "format": "csv"}).text
+            plain = [[cell or None for cell in row] for row in csv.reader(io.StringIO(text))]
+            assert not any((cell or "").startswith(("=", "+", "-", "@")) for row in plain for cell in row)
+            assert len(cells) == len(plain) == 1 + len(HOSTILE)
+            for table, expected in ((cells, clean), (plain, quoted)):
+                names, *values = table
+                files = [text[:200] for text in expected]
+                found = [(row[names.index("file_name")] or "")[:200] for row in values]
+                assert found == files
+                if rows == "values":
+                    for name in ("label", "value", "text"):
+                        assert [row[names.index(name)] for row in values] == expected
+                else:
+                    assert [[each for each in row[6::2] if each] for row in values] == [
+                        [each] for each in expected
+                    ]
+
+
+def test_a_row_a_document(tmp_path: Path) -> None:
+    """Two classes, a document of three pages, and of older releases a nameless result and a page."""
+    invoice = [
+        page(("date", "3/3/98", None), ("total", "", None), name="stack.pdf"),
+        page(("total", "EUR 5", "5.00"), of_class="invoice-later", name="stack.pdf"),
+        page(("date", "March 3", "1998-03-03"), ("total", "EUR 6", "6.00"), name="stack.pdf"),
+    ]
+    place = ReviewDraft(1.0, 0.5, "letter", 1, "review")
+    with Store.open(tmp_path / DATABASE) as store:
+        old = store.add_result(page(("sender", "Ann", "Ann"), of_class="letter"), 1000, review=place)
+        whole, _ = store.add_document({"document": {}}, [ResultDraft(each) for each in invoice], 1000)
+        parted = store.add_result({**invoice[0], "in_document": True}, 1000)
+        new = store.add_result(page(("date", "x", None), of_class="letter", name="n.png"), 1000)
+    columns = ["result", "file_name", "created", "state", "class", "probability"]
+    columns += ["date", "date confidence", "sender", "sender confidence", "total", "total confidence"]
+    with serving(data_dir=tmp_path) as client:
+        names, first, *rest = sheet_of(client.get("/layout/results?format=xlsx&rows=documents"))
+        assert names == columns
+        assert [first[0], *first[3:]] == [new, "open", "letter", 0.9, "x", 0.5, None, None, None, None]
+        single, kept, last = rest
+        assert [*single[:2], single[6]] == [parted, "stack.pdf", "3/3/98"]
+        assert kept[:2] == [whole, "stack.pdf"]
+        assert kept[3:] == ["open", "invoice", 0.9, "1998-03-03", 0.5, None, None, "5.00", 0.5]
+        assert [*last[:2], *last[4:]] == [old, None, "letter", 0.9, None, None, "Ann", 0.5, None, None]
+
+        # No answer ends within a document, however few were asked for.
+        seen, path = [], "/layout/results?format=csv&rows=documents&limit=1"
+        while path:
+            response = client.get(path)
+            seen += [row["result"] for row in csv.DictReader(io.StringIO(response.text))]
+            path = response.links.get("next", {}).get("url", "")
+        assert seen == [row[0] for row in (first, *rest)]
+
+
+def test_rows_are_of_tables_only(client: httpx.Client) -> None:
+    for query in ("rows=documents", "rows=documents&format=jsonl", "rows=pages&format=csv"):
+        problem = assert_problem(
+            client.get(f"/layout/results?{query}", headers=KEYS[0]), 422, "invalid-option"
+        )
+        assert problem["field"] == "rows"
+    assert "result" in client.get("/layout/results?rows=values&format=csv", headers=KEYS[0]).text
+
+
+def test_keys_see_their_own_rows(client: httpx.Client) -> None:
+    for rows in ("values", "documents"):
+        query = {"format": "xlsx", "rows": rows}
+        alice, bob = (sheet_of(client.get("/layout/results", params=query, headers=key)) for key in KEYS)
+        assert (len(alice), len(bob)) == (1 + len(TEXTS), 2)
+        assert not {row[0] for row in alice[1:]} & {row[0] for row in bob[1:]}
+
+
+def test_more_labels_than_a_sheet_has_room_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.routes.result_tables.MOST_LABELS", 2)
+    with Store.open(tmp_path / DATABASE) as store:
+        store.add_result(page(*[(label, "x", None) for label in "abc"]), 1000)
+        store.add_result(page(*[(label, "x", None) for label in "ab"]), 1000)
+    with serving(data_dir=tmp_path) as client:
+        path = "/layout/results?format=csv&rows=documents"
+        assert_problem(client.get(path), 422, "invalid-option")
+        assert client.get(f"{path}&limit=1").text.count(" confidence") == 2

@@ -42,7 +42,7 @@ def test_a_document_and_its_pages_are_kept_together(store: Store, clock: Clock) 
     kept = store.result(document_id)
     assert kept.document == {"class": "letter", "pages": page_ids}
     assert [(page.id, page.document) for page in kept.pages] == [
-        (page_id, {"page": n}) for n, page_id in enumerate(page_ids)
+        (page_id, {"page": n, "in_document": document_id}) for n, page_id in enumerate(page_ids)
     ]
     assert kept.pages == tuple(map(store.result, page_ids))
     assert {page.expires_at for page in kept.pages} == {kept.expires_at}
