@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar, get_args
+from unicodedata import category
 from urllib.parse import quote
 
 from services.contract.answers.layout import DocumentResult, LayoutResult
@@ -259,8 +260,8 @@ def file_stem(upload_name: str | None) -> str:
 def file_name(upload_name: str | None) -> str | None:
     """File name of an upload without folders and unprintable characters, 200 at most; None if nothing is left."""
     base = (upload_name or "").replace("\\", "/").rpartition("/")[2]
-    # Names of screenshots have spaces that are not printable by themselves.
-    spaced = (" " if character.isspace() else character for character in base)
+    # Names of screenshots have spaces of other widths, which do not count as printable.
+    spaced = (" " if category(character) == "Zs" else character for character in base)
     return "".join(character for character in spaced if character.isprintable())[:200].strip() or None
 
 

@@ -45,6 +45,7 @@ ZONE = {
 }
 LAYOUT = {
     "id": RESULT,
+    "file_name": "scan-0412.jpg",
     "width": 1240,
     "height": 1754,
     "class": CLASS,

@@ -26,7 +26,6 @@ from app.schemas.options import Absent
 from app.state import State
 from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
 from models.repository import Store, cursor_of
-from services.errors import InvalidOption
 
 router = APIRouter(tags=["layout"])
 
@@ -87,8 +86,9 @@ async def layout_results(
     """
     chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
     owner = caller_of(request).only
-    if rows == "documents" and chosen not in ("csv", "xlsx"):
-        raise InvalidOption("rows: only CSV and XLSX have rows; ask for format=csv or format=xlsx.", "rows")
+
+    if chosen not in ("csv", "xlsx"):
+        rows = "values"
 
     def read(store: Store) -> tuple[Response, str | None]:
         reviews, results, following = _read(store, limit, state_, order, cursor, owner, rows)

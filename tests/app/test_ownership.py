@@ -185,8 +185,8 @@ def test_after_deletion_nothing_is_left(
 
 
 OWN = {
-    "/layout/results": ("", "?format=csv", "?format=csv&rows=documents", "?format=jsonl", "?order=gain", "?order=confidence",
-                        "?state=corrected", "?state=open", "?state=skipped&order=gain"),
+    "/layout/results": ("", "?format=csv", "?format=csv&rows=documents", "?format=jsonl", "?order=gain",
+                        "?order=confidence", "?state=corrected", "?state=open", "?state=skipped&order=gain"),
     "/layout/results/{id}": ("", "?format=html"),
     "/layout/results/{id}/image": ("", "?width=10"),
     "/layout/models/{name}/feedback": ("", "?limit=1"),
