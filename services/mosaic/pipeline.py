@@ -195,8 +195,8 @@ def match_light(
     """The photos of the page with their placements and matched tones, in the order of the upload."""
     order = sorted(part.placements)
     photos, placements = [flats[index] for index in order], [part.placements[index] for index in order]
-    tones = match_tones(photos, placements, illumination)
-    return tuple(map(PlacedPhoto, photos, placements, tones))
+    tones, hidden = match_tones(photos, placements, illumination)
+    return tuple(map(PlacedPhoto, photos, placements, tones, hidden))
 
 
 def typical_text_height_px(placed: Sequence[PlacedPhoto]) -> float:
