@@ -140,9 +140,7 @@ def _take(
     """The photos, with the dirt of a phone's camera."""
     photos = []
     for number, (truth, lamp) in enumerate(zip(truths, lamps, strict=True)):
-        staging = Staging(
-            lamp_deg=rng.uniform(0, 360), exposure=rng.uniform(0.62, 0.85), close=True
-        )
+        staging = Staging(lamp_deg=rng.uniform(0, 360), exposure=rng.uniform(0.62, 0.85), close=True)
         shadow = _draw_shadow(truth, rng) if kind in {"shadow", "all"} else None
         fingers = (_draw_finger(truth, rng),) if kind in {"finger", "all"} else ()
         clean = take_photo(truth, staging, None, rng)

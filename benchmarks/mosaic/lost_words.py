@@ -1,6 +1,7 @@
 """Which words of a page cannot be read in a picture of it: by correlation with the page, piece by piece."""
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -13,8 +14,7 @@ from simulation.flat_page import Page, PageWord, Points
 from simulation.truth import Truth
 
 LOST_BELOW = 0.5
-"""Correlation of a piece with the page. Of clear words of simulated photos 0.1 % have such a piece, of words under glare
-or a finger 98 %."""
+"""Correlation of a piece with the page."""
 _MARGIN_PX = 3
 """Paper around a word that belongs to its window, page pixels."""
 _SEARCH_PX = 8
@@ -86,7 +86,7 @@ def _is_lost(page: GrayImage, picture: GrayImage, place: Place, word: PageWord) 
     found = seen[dy : dy + height, dx : dx + width].astype(np.float64)
     pieces = max(round(width / height), 1)
     ends = np.round(np.linspace(0, width, pieces + 1)).astype(int)
-    for a, b in zip(ends[:-1], ends[1:], strict=True):
+    for a, b in pairwise(ends):
         wanted = true[:, a:b].astype(np.float64)
         if wanted.std() > _LEAST_CONTRAST and _correlation(wanted, found[:, a:b]) < LOST_BELOW:
             return True

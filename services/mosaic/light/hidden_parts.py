@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, Homography, Mask
+from services.arrays import Homography, Mask
 from services.geometry.homographies import scaling, translation
 from services.imaging.channels import strongest_channel
 from services.mosaic.light.canvas import CELL_PX, Canvas, CanvasView, FloatImage
 from services.mosaic.light.light_field import CLIPPED_LEVEL, CLOSING_PX, DARKEST, to_cells
-from services.robust import cauchy_weights
+from services.robust import MAD_TO_DEVIATION, cauchy_weights
 
 LEAST_DEVIATION = 0.2
 """Logarithm of a ratio of paper's levels from which they differ. Light that is added to well exposed paper clips it
@@ -31,6 +31,18 @@ PRINT_LEFT = 0.5
 without anything in the way 1 % of the cells have less than 0.6 of it."""
 CLIPPED_SHARE = 0.5
 """Share of a cell from which it is clipped: its level tells nothing."""
+WHOLE = 0.99
+"""Share of a cell that a view shows, from which it is compared."""
+REACH_CELLS = 2
+"""Cells around those that differ, which are hidden too (soft rims), and at a view's border, which are not compared."""
+RIM_CELLS = 5
+"""Window in which the rim of what hides the paper is an edge, cells: a twentieth of a view, for soft shadows."""
+STEEP_SHARE = 0.5
+"""Share of the rim that is such an edge."""
+FEWEST_CELLS = 100
+"""Cells with print from which the paper's light is fitted to them alone."""
+MOST_CELLS = 6000
+"""Cells to which it is fitted; a smooth surface needs no more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +56,8 @@ class HiddenPart:
     H_cells_mosaic: Homography
 
     def over(self, left: float, top: float, side: float, width: int, height: int) -> Mask:
-        """Which squares (height, width) of the mosaic are hidden: of `side` pixels, the first one's corner pixel given."""
+        """Which squares (height, width) of the mosaic are hidden; they have `side` pixels, the first starts at (left, top).
+        """
         middle = (side - 1) / 2
         H_mosaic_squares = translation(left + middle, top + middle) @ scaling(side)
         warped = cv2.warpAffine(
@@ -58,13 +71,15 @@ class HiddenPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellMeasures:
-    """What the views show in the canvas's cells, (views, rows, columns); NaN where a view does not show the cell.
+    """What a view shows in its cells (rows, columns).
 
+    known : whether it shows the whole cell and those around it.
     levels : (..., 3) logarithm of the paper's colour, in matched light.
     darkness : mean darkness of the print relative to the paper, 0-1.
-    clipped : whether the camera clipped the paper.
+    clipped : whether the camera clipped the paper in all channels.
     """
 
+    known: Mask
     levels: NDArray[np.float32]
     darkness: NDArray[np.float32]
     clipped: Mask
@@ -77,25 +92,18 @@ def find_hidden_cells(views: Sequence[CanvasView], gains: Sequence[FloatImage]) 
     light over the page is a smooth surface. Where views show different paper, the one that is most like it is right,
     unless print that others have is lost in it, or it is clipped.
     """
+    measured = [_measure_cells(view, gain) for view, gain in zip(views, gains, strict=True)]
     places = [_cells_of(view) for view in views]
-    if len(views) < 2:
-        return [np.zeros(to_cells(view.feather).shape, bool) for view in views]
-    cells = _measure_cells(views, gains, places)
-    beyond = _beyond_paper(cells)
-    known = np.isfinite(cells.darkness)
-    shared = known.sum(axis=0) > 1
-    deviation = np.where(known, np.abs(beyond).max(axis=3), np.inf)
-    best = deviation.min(axis=0)
-    usual = np.median(_apart(cells, deviation, known)[known & shared]) if shared.any() else 0.0
-    least = max(LEAST_DEVIATION, DEVIATIONS * 1.4826 * float(usual))
-    # Print counts where it lies on paper; where no view shows paper, where it is not clipped.
-    trusted = np.where(best < least, deviation < least, known & ~cells.clipped)
-    print_ = np.where(trusted, cells.darkness, 0).max(axis=0)
-    with np.errstate(invalid="ignore"):
-        lost = (cells.darkness < PRINT_LEFT * print_) & (print_ > LEAST_PRINT)
-    fit = deviation + np.where(lost, 1e3, 0) + np.where(cells.clipped, 1e2, 0)
-    hidden = (lost | (_apart(cells, fit, known) > least)) & known & shared
-    return [_without_specks(hidden[k][at]) for k, at in enumerate(places)]
+    rows, columns = (max(place[axis].stop for place in places) for axis in (0, 1))
+    count = np.zeros((rows, columns), np.uint8)
+    for at, cells in zip(places, measured, strict=True):
+        count[at] += cells.known
+    shared = count > 1
+    if not shared.any():
+        return [np.zeros(cells.known.shape, bool) for cells in measured]
+    paper = _fit_paper(measured, places, (rows, columns))
+    lost, away = _compare(measured, places, shared, paper)
+    return [_without_specks(lost[k] | _with_steep_rim(away[k], cells)) for k, cells in enumerate(measured)]
 
 
 def hidden_part(cells: Mask, view: CanvasView, canvas: Canvas) -> HiddenPart:
@@ -131,54 +139,100 @@ def _cells_of(view: CanvasView) -> tuple[slice, slice]:
     )
 
 
-def _measure_cells(
-    views: Sequence[CanvasView], gains: Sequence[FloatImage], places: Sequence[tuple[slice, slice]]
-) -> CellMeasures:
-    rows, columns = (max(place[axis].stop for place in places) for axis in (0, 1))
-    levels = np.full((len(views), rows, columns, 3), np.nan, np.float32)
-    darkness = np.full((len(views), rows, columns), np.nan, np.float32)
-    clipped = np.zeros((len(views), rows, columns), bool)
+def _measure_cells(view: CanvasView, gain: FloatImage) -> CellMeasures:
+    image = np.where(view.shown[..., None], view.image, 0).astype(np.float32)
+    paper = cv2.morphologyEx(image, cv2.MORPH_CLOSE, np.ones((CLOSING_PX,) * 2, np.uint8))
+    shown = to_cells(view.shown.astype(np.float32)) > WHOLE
+    gray, bright = to_cells(strongest_channel(image)), to_cells(strongest_channel(paper))
     window = (PRINT_CELLS, PRINT_CELLS)
-    for k, (view, gain, at) in enumerate(zip(views, gains, places, strict=True)):
-        image = np.where(view.shown[..., None], view.image, 0).astype(np.float32)
-        paper = cv2.morphologyEx(image, cv2.MORPH_CLOSE, np.ones((CLOSING_PX,) * 2, np.uint8))
-        whole = to_cells(view.shown.astype(np.float32)) > 0.99
-        gray, bright = to_cells(strongest_channel(image)), to_cells(strongest_channel(paper))
-        dark = cv2.blur(np.where(whole, bright - gray, 0), window)
-        dark /= np.maximum(cv2.blur(np.where(whole, bright, 0), window), 1.0)
-        levels[k][at] = np.where(whole[..., None], np.log(np.maximum(to_cells(paper * gain), DARKEST)), np.nan)
-        darkness[k][at] = np.where(whole, dark, np.nan)
-        least = strongest_channel(255 - paper)  # The darkest channel's distance from white.
-        clipped[k][at] = to_cells((least <= 255 - CLIPPED_LEVEL).astype(np.float32)) > CLIPPED_SHARE
-    return CellMeasures(levels, darkness, clipped)
+    darkness = cv2.blur(np.where(shown, bright - gray, 0), window)
+    darkness /= np.maximum(cv2.blur(np.where(shown, bright, 0), window), 1.0)
+    # At the border nothing lighter surrounds the print.
+    inner = np.ones((2 * REACH_CELLS + 1,) * 2, np.uint8)
+    known = cv2.erode(shown.astype(np.uint8), inner, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+    clipped = to_cells((paper.min(axis=2) >= CLIPPED_LEVEL).astype(np.float32)) > CLIPPED_SHARE
+    levels = np.log(np.maximum(to_cells(paper) * to_cells(gain), DARKEST))
+    return CellMeasures(known, levels, np.asarray(darkness, np.float32), clipped)
 
 
-def _beyond_paper(cells: CellMeasures) -> NDArray[np.float32]:
-    """Difference (views, rows, columns, 3) of the levels from those of the paper: a quadratic surface, fitted robustly to
-    the cells with print, whose ground is paper."""
-    _, rows, columns = cells.darkness.shape
-    y, x = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
+def _fit_paper(
+    measured: Sequence[CellMeasures], places: Sequence[tuple[slice, slice]], shape: tuple[int, int]
+) -> FloatImage:
+    """Levels (rows, columns, 3) of bare paper: a quadratic surface, fitted robustly to cells with print."""
+    y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in shape), indexing="ij")
     surface = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    with np.errstate(invalid="ignore"):
-        printed = cells.darkness > LEAST_PRINT
-    used = printed if printed.sum() > 10 * surface.shape[-1] else np.isfinite(cells.darkness)
-    A: Floats = np.broadcast_to(surface, (*used.shape, surface.shape[-1]))[used][::3]
-    b: Floats = cells.levels[used][::3].astype(np.float64)
+    used = [cells.known & (cells.darkness > LEAST_PRINT) for cells in measured]
+    if sum(int(each.sum()) for each in used) < FEWEST_CELLS:
+        used = [cells.known for cells in measured]
+    A = np.concatenate([surface[at][each] for at, each in zip(places, used, strict=True)])
+    b = np.concatenate([cells.levels[each] for cells, each in zip(measured, used, strict=True)])
+    step = max(len(A) // MOST_CELLS, 1)
+    A, b = A[::step], b[::step].astype(np.float64)
     left = b - np.median(b, axis=0)
     for _ in range(PAPER_ITERATIONS):
         weighted = A * cauchy_weights(np.sqrt((left**2).mean(axis=1)), PAPER_SCALE)[:, None]
         solved = np.linalg.solve(weighted.T @ A + 1e-6 * len(A) * np.eye(A.shape[1]), weighted.T @ b)
         left = b - A @ solved
-    return np.asarray(cells.levels - (surface @ solved).astype(np.float32), np.float32)
+    return np.asarray(surface @ solved, np.float32)
 
 
-def _apart(cells: CellMeasures, fit: NDArray[np.float32], known: Mask) -> NDArray[np.float32]:
-    """Largest difference (views, rows, columns) in a channel from the level of the view of least `fit`; 0 if unknown."""
-    right = np.take_along_axis(cells.levels, fit.argmin(axis=0)[None, ..., None], axis=0)
-    return np.asarray(np.where(known, np.abs(cells.levels - right).max(axis=3), 0), np.float32)
+def _compare(
+    measured: Sequence[CellMeasures], places: Sequence[tuple[slice, slice]], shared: Mask, paper: FloatImage
+) -> tuple[list[Mask], list[Mask]]:
+    """For each view its cells whose print is lost, and those whose level is not that of the view that is right."""
+    count = int(shared.sum())
+    levels = np.zeros((len(measured), count, 3), np.float32)
+    darkness = np.zeros((len(measured), count), np.float32)
+    clipped, known = np.zeros((2, len(measured), count), bool)
+    for k, (cells, at) in enumerate(zip(measured, places, strict=True)):
+        inside = np.zeros(shared.shape, bool)
+        inside[at] = cells.known
+        known[k] = inside[shared]
+        there = cells.known & shared[at]
+        levels[k, known[k]], darkness[k, known[k]] = cells.levels[there], cells.darkness[there]
+        clipped[k, known[k]] = cells.clipped[there]
+    beyond = np.where(known, np.abs(levels - paper[shared]).max(axis=2), np.inf)
+    usual = float(np.median(_apart(levels, beyond)[known]))
+    least = max(LEAST_DEVIATION, DEVIATIONS * MAD_TO_DEVIATION * usual)
+    # Print counts where it lies on paper; where no view shows paper, where it is not clipped.
+    trusted = np.where(beyond.min(axis=0) < least, beyond < least, known & ~clipped)
+    print_ = np.where(trusted, darkness, 0).max(axis=0)
+    lost = known & (darkness < PRINT_LEFT * print_) & (print_ > LEAST_PRINT)
+    away = known & (_apart(levels, beyond + np.where(lost, 1e3, 0) + np.where(clipped, 1e2, 0)) > least)
+    masks = []
+    for values in (lost, away):
+        whole = np.zeros((len(measured), *shared.shape), bool)
+        whole[:, shared] = values
+        masks.append([whole[k][at] for k, at in enumerate(places)])
+    return masks[0], masks[1]
+
+
+def _apart(levels: NDArray[np.float32], unfit: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Largest difference (views, N) in a channel from the level of the view that is least `unfit`."""
+    right = np.take_along_axis(levels, unfit.argmin(axis=0)[None, :, None], axis=0)
+    return np.asarray(np.abs(levels - right).max(axis=2), np.float32)
+
+
+def _with_steep_rim(away: Mask, cells: CellMeasures) -> Mask:
+    """The connected parts of `away` whose rim is an edge in this view: uneven light that is left has none."""
+    if not away.any():
+        return away
+    window = np.ones((RIM_CELLS, RIM_CELLS), np.uint8)
+    known = cells.known[..., None]
+    highest = cv2.dilate(np.where(known, cells.levels, cells.levels.min()), window)
+    lowest = cv2.erode(np.where(known, cells.levels, cells.levels.max()), window)
+    step = np.where(cells.known, (highest - lowest).max(axis=2), 0)
+    around = (cv2.dilate(away.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~away & cells.known
+    count, parts = cv2.connectedComponents(away.astype(np.uint8))
+    near = cv2.dilate(parts.astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.intp)[around]
+    rim = np.bincount(near, minlength=count)
+    steep = np.bincount(near[step[around] > LEAST_DEVIATION / 2], minlength=count)
+    kept = steep > STEEP_SHARE * rim
+    kept[0] = False
+    return np.asarray(kept[parts])
 
 
 def _without_specks(hidden: Mask) -> Mask:
-    """The cells and their neighbours, but for places smaller than two by two cells."""
+    """The cells and what lies within `REACH_CELLS` of them, but for places smaller than two by two cells."""
     opened = cv2.morphologyEx(hidden.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    return np.asarray(cv2.dilate(opened, np.ones((3, 3), np.uint8)) > 0)
+    return np.asarray(cv2.dilate(opened, np.ones((2 * REACH_CELLS + 1,) * 2, np.uint8)) > 0)
