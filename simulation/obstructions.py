@@ -93,7 +93,8 @@ def obstruct(photo: SimulatedPhoto, obstructions: Obstructions) -> ObstructedPho
         values *= 1 - shaded[..., None]
     if obstructions.lamp is not None:
         mirrored = mirror_image(truth, obstructions.lamp).upsampled(0, height)
-        on_sheet = (np.abs(sheet) <= [1.0, truth.page.half_height_units]).all(axis=2)
+        edge = np.array([1.0, truth.page.half_height_units], np.float32)
+        on_sheet = np.max(np.abs(sheet) - edge, axis=2) <= 0
         added = np.where(on_sheet, np.maximum(mirrored[..., 0], 0), 0).astype(np.float32)
         values += added[..., None]
         lost = lost_contrast(added)

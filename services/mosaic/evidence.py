@@ -8,6 +8,8 @@ from services.arrays import Homography
 from services.contract.answers.mosaic import Pair
 from services.errors import DocumentError
 from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.light.hidden_parts import HiddenPart
+from services.mosaic.page_cropping import PageCrop
 from services.mosaic.patch_mesh import mesh_of_patch, scale_of_patch
 from services.mosaic.photo_graph import connect_photos, overlap_fraction
 from services.mosaic.placed_photo import PlacedPhoto
@@ -17,9 +19,16 @@ from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.results import Patch
 from services.notices import Notice
 
+LEAST_GLARE = 0.005
+"""Share of the page that glare hides in all photos, from which a person is told: about a line of text."""
+
 
 def describe_patches(
-    count: int, placed: Sequence[PlacedPhoto], sharpness: Sequence[float], H_final_mosaic: Homography
+    count: int,
+    placed: Sequence[PlacedPhoto],
+    sharpness: Sequence[float],
+    covered: Sequence[float],
+    H_final_mosaic: Homography,
 ) -> tuple[Patch, ...]:
     """One patch for each of `count` photos. Meshes are in the pixels of the final page, after crop and rotation.
 
@@ -31,19 +40,38 @@ def describe_patches(
         The placed photos.
     sharpness
         Sharpness of the placed photos' print, relative to the sharpest, as in `ComposedPage`.
+    covered
+        Shares of the placed photos that are hidden, as in `describe_covers`.
     H_final_mosaic
         Mosaic pixels -> final page.
     """
     patches = [Patch(False)] * count
-    for photo, sharp in zip(placed, sharpness, strict=True):
+    for photo, sharp, share in zip(placed, sharpness, covered, strict=True):
         final = photo.placement.within(H_final_mosaic)
         patches[photo.flat.index] = Patch(
             True,
             np.asarray(mesh_of_patch(photo.flat, final), np.float64),
             scale_of_patch(photo.flat, final),
             sharp,
+            share,
         )
     return tuple(patches)
+
+
+def describe_covers(
+    placed: Sequence[PlacedPhoto], glare: HiddenPart | None, crop: PageCrop
+) -> tuple[tuple[float, ...], list[Notice]]:
+    """Shares of what the photos show within `crop` that are hidden, and a notice where all photos are."""
+    page = (crop.left, crop.top, crop.right, crop.bottom)
+    covered = tuple(0.0 if photo.hidden is None else photo.hidden.fraction(*page) for photo in placed)
+    left = 0.0 if glare is None else glare.fraction(*page)
+    if left < LEAST_GLARE:
+        return covered, []
+    detail = (
+        f"Glare hides {100 * left:.1f} % of the page in all photos of that place: take one more, from another side or "
+        "without the lamp."
+    )
+    return covered, [Notice("glare", detail)]
 
 
 def describe_pairs(flats: Mapping[int, FlatPhoto], part: PlacedPart) -> tuple[Pair, ...]:

@@ -138,5 +138,9 @@ def _describe_patch(patch: Patch) -> answers.Patch:
         rows, columns = patch.mesh.shape[:2]
         mesh = answers.PatchMesh(rows=rows, columns=columns, target=np.round(patch.mesh, 3).tolist())
     return answers.Patch(
-        placed=patch.placed, mesh=mesh, scale=rounded(patch.scale), sharpness=rounded(patch.sharpness)
+        placed=patch.placed,
+        mesh=mesh,
+        scale=rounded(patch.scale),
+        sharpness=rounded(patch.sharpness),
+        covered_fraction=rounded(patch.covered_fraction),
     )

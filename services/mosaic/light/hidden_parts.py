@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Homography, Mask
-from services.geometry.homographies import scaling, translation
+from services.geometry.homographies import scaling, transform_points, translation
 from services.imaging.channels import strongest_channel
 from services.mosaic.light.canvas import CELL_PX, Canvas, CanvasView, FloatImage
 from services.mosaic.light.light_field import CLIPPED_LEVEL, CLOSING_PX, DARKEST, to_cells
@@ -47,17 +47,24 @@ MOST_CELLS = 6000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HiddenPart:
-    """Cells (rows, columns) of the mosaic that something hides from a photo, and that another photo shows.
+    """`cells` (rows, columns) of the mosaic that are hidden, among those that are `shown`.
 
-    `H_cells_mosaic` takes mosaic pixels to cells.
+    `H_cells_mosaic` takes mosaic pixels to cells: a scale and a shift.
     """
 
     cells: Mask
+    shown: Mask
     H_cells_mosaic: Homography
 
+    def fraction(self, left: float, top: float, right: float, bottom: float) -> float:
+        """Share of the cells that are shown within a rectangle of the mosaic, which are hidden."""
+        corners = transform_points(self.H_cells_mosaic, np.array([[left, top], [right, bottom]], np.float64))
+        first, last = np.maximum(np.ceil(corners), 0).astype(int)
+        part = np.s_[first[1] : last[1], first[0] : last[0]]
+        return float((self.cells & self.shown)[part].sum() / max(self.shown[part].sum(), 1))
+
     def over(self, left: float, top: float, side: float, width: int, height: int) -> Mask:
-        """Which squares (height, width) of the mosaic are hidden; they have `side` pixels, the first starts at (left, top).
-        """
+        """Which squares (height, width) of the mosaic are hidden, of `side` pixels, from (left, top) on."""
         middle = (side - 1) / 2
         H_mosaic_squares = translation(left + middle, top + middle) @ scaling(side)
         warped = cv2.warpAffine(
@@ -85,8 +92,21 @@ class CellMeasures:
     clipped: Mask
 
 
-def find_hidden_cells(views: Sequence[CanvasView], gains: Sequence[FloatImage]) -> list[Mask]:
-    """For each view, its cells (rows, columns) that something hides, and that another view shows.
+@dataclass(frozen=True, slots=True, eq=False)
+class HiddenCells:
+    """What something hides: of each view, cells (h, w) that another view shows; of the canvas, those that none shows.
+
+    `shown` are the cells (rows, columns) of the canvas that any view covers, `clipped` those of them that are white in
+    all of these, with a steep rim: glare.
+    """
+
+    of_views: tuple[Mask, ...]
+    shown: Mask
+    clipped: Mask
+
+
+def find_hidden_cells(views: Sequence[CanvasView], gains: Sequence[FloatImage]) -> HiddenCells:
+    """The cells of the views, and of the page, that glare, a shadow or a finger hides.
 
     `gains` (h, w, 3) make the light of the views agree, but for what changes within a small part of a view. The paper's
     light over the page is a smooth surface. Where views show different paper, the one that is most like it is right,
@@ -95,19 +115,26 @@ def find_hidden_cells(views: Sequence[CanvasView], gains: Sequence[FloatImage]) 
     measured = [_measure_cells(view, gain) for view, gain in zip(views, gains, strict=True)]
     places = [_cells_of(view) for view in views]
     rows, columns = (max(place[axis].stop for place in places) for axis in (0, 1))
-    count = np.zeros((rows, columns), np.uint8)
+    count, legible = np.zeros((2, rows, columns), np.uint8)
+    clipped = np.zeros((rows, columns), bool)
     for at, cells in zip(places, measured, strict=True):
         count[at] += cells.known
+        legible[at] += cells.known & ~cells.clipped
+        clipped[at] |= _with_steep_rim(cells.known & cells.clipped, cells)
+    clipped &= legible == 0
     shared = count > 1
     if not shared.any():
-        return [np.zeros(cells.known.shape, bool) for cells in measured]
+        return HiddenCells(tuple(np.zeros(cells.known.shape, bool) for cells in measured), count > 0, clipped)
     paper = _fit_paper(measured, places, (rows, columns))
     lost, away = _compare(measured, places, shared, paper)
-    return [_without_specks(lost[k] | _with_steep_rim(away[k], cells)) for k, cells in enumerate(measured)]
+    of_views = (
+        _without_specks(lost[k] | _with_steep_rim(away[k], cells)) for k, cells in enumerate(measured)
+    )
+    return HiddenCells(tuple(of_views), count > 0, clipped)
 
 
-def hidden_part(cells: Mask, view: CanvasView, canvas: Canvas) -> HiddenPart:
-    """`cells` of a view, as a part of the mosaic."""
+def hidden_part(cells: Mask, shown: Mask, corner: tuple[int, int], canvas: Canvas) -> HiddenPart:
+    """`cells` and `shown` cells of the canvas, or of a view with this first pixel (x, y), as parts of the mosaic."""
     # A pixel's, or a cell's, middle is half of its side from its corner; origins are middles.
     H_canvas_mosaic = (
         translation(-0.5, -0.5)
@@ -115,9 +142,9 @@ def hidden_part(cells: Mask, view: CanvasView, canvas: Canvas) -> HiddenPart:
         @ translation(0.5 - canvas.origin[0], 0.5 - canvas.origin[1])
     )
     H_cells_canvas = (
-        translation(-0.5, -0.5) @ scaling(1 / CELL_PX) @ translation(0.5 - view.left, 0.5 - view.top)
+        translation(-0.5, -0.5) @ scaling(1 / CELL_PX) @ translation(0.5 - corner[0], 0.5 - corner[1])
     )
-    return HiddenPart(cells, H_cells_canvas @ H_canvas_mosaic)
+    return HiddenPart(cells, shown, H_cells_canvas @ H_canvas_mosaic)
 
 
 def show_only(view: CanvasView, hidden: Mask) -> CanvasView:
@@ -140,19 +167,22 @@ def _cells_of(view: CanvasView) -> tuple[slice, slice]:
 
 
 def _measure_cells(view: CanvasView, gain: FloatImage) -> CellMeasures:
-    image = np.where(view.shown[..., None], view.image, 0).astype(np.float32)
-    paper = cv2.morphologyEx(image, cv2.MORPH_CLOSE, np.ones((CLOSING_PX,) * 2, np.uint8))
+    image = cv2.copyTo(view.image, view.shown.view(np.uint8)).astype(np.uint8)
+    closed = cv2.morphologyEx(image, cv2.MORPH_CLOSE, np.ones((CLOSING_PX,) * 2, np.uint8))
+    paper = np.asarray(closed, np.uint8)
     shown = to_cells(view.shown.astype(np.float32)) > WHOLE
-    gray, bright = to_cells(strongest_channel(image)), to_cells(strongest_channel(paper))
+    ground = to_cells(paper)
+    gray, bright = strongest_channel(to_cells(image)), strongest_channel(ground)
     window = (PRINT_CELLS, PRINT_CELLS)
-    darkness = cv2.blur(np.where(shown, bright - gray, 0), window)
-    darkness /= np.maximum(cv2.blur(np.where(shown, bright, 0), window), 1.0)
+    print_, ground_ = (cv2.blur(np.where(shown, each, 0), window) for each in (bright - gray, bright))
+    darkness = np.asarray(print_ / np.maximum(ground_, 1.0), np.float32)
     # At the border nothing lighter surrounds the print.
     inner = np.ones((2 * REACH_CELLS + 1,) * 2, np.uint8)
     known = cv2.erode(shown.astype(np.uint8), inner, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
-    clipped = to_cells((paper.min(axis=2) >= CLIPPED_LEVEL).astype(np.float32)) > CLIPPED_SHARE
-    levels = np.log(np.maximum(to_cells(paper) * to_cells(gain), DARKEST))
-    return CellMeasures(known, levels, np.asarray(darkness, np.float32), clipped)
+    white = cv2.inRange(paper, (CLIPPED_LEVEL,) * 3, (255,) * 3)
+    clipped = to_cells(np.asarray(white, np.uint8)) > 255 * CLIPPED_SHARE
+    levels = np.log(np.maximum(ground * gain[CELL_PX // 2 :: CELL_PX, CELL_PX // 2 :: CELL_PX], DARKEST))
+    return CellMeasures(known, levels, darkness, clipped)
 
 
 def _fit_paper(

@@ -24,6 +24,7 @@ from services.mosaic.light.canvas import (
     frame_canvas,
 )
 from services.mosaic.light.hidden_parts import (
+    HiddenCells,
     HiddenPart,
     find_hidden_cells,
     hidden_part,
@@ -67,10 +68,22 @@ LIGHTEST_INK = 0.55
 photo the strokes would merge."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MatchedTones:
+    """For each photo its tones, and the part of it that something hides and another photo shows.
+
+    `glare` is the part of the page that is white in all photos of it; None without photos.
+    """
+
+    maps: tuple[ToneMap, ...] = ()
+    hidden: tuple[HiddenPart, ...] = ()
+    glare: HiddenPart | None = None
+
+
 def match_tones(
     photos: Sequence[FlatPhoto], placements: Sequence[Placement], illumination: Illumination
-) -> tuple[tuple[ToneMap, ...], tuple[HiddenPart, ...]]:
-    """One tone map for each photo, such that the light of all photos agrees, and what is hidden from each.
+) -> MatchedTones:
+    """One tone map for each photo, such that the light of all photos agrees.
 
     Without print on paper only gains are matched. The result does not depend on the order of the photos.
 
@@ -85,7 +98,7 @@ def match_tones(
         from its neighbours. Pictures get the light of the paper around them. Looks of a scanner are made of that.
     """
     if not photos:
-        return (), ()
+        return MatchedTones()
     canvas, boxes = frame_canvas(photos, placements, VIEW_LONG_SIDE_PX)
     views = [
         draw_on_canvas(photo, placement, canvas, box)
@@ -114,20 +127,25 @@ def match_tones(
         ToneMap(np.dstack([gain, change]), *photo.size)
         for photo, gain, change in zip(photos, gains, changes, strict=True)
     )
-    hidden = tuple(hidden_part(cells, view, canvas) for cells, view in zip(lights.hidden, views, strict=True))
-    return tones, hidden
+    hidden = tuple(
+        hidden_part(cells, to_cells(view.feather) > 0, (view.left, view.top), canvas)
+        for cells, view in zip(lights.hidden.of_views, views, strict=True)
+    )
+    return MatchedTones(
+        tones, hidden, hidden_part(lights.hidden.clipped, lights.hidden.shown, (0, 0), canvas)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MatchedLight:
     """Gains (h, w, 3) of every view at its cells, and the page after their application.
 
-    `page` (H, W, 3) float32 is the mean of all views, without their `hidden` cells (h, w). `shown` (H, W) is true where
+    `page` (H, W, 3) float32 is the mean of all views, without their `hidden` cells. `shown` (H, W) is true where
     any view exists, `inner` (H, W) where a view exists far enough inside its borders.
     """
 
     fields: tuple[FloatImage, ...]
-    hidden: tuple[Mask, ...]
+    hidden: HiddenCells
     page: FloatImage
     shown: Mask
     inner: Mask
@@ -145,7 +163,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas) -> MatchedLight:
         for nodes, view in zip(fit_light(views), views, strict=True)
     ]
     hidden = find_hidden_cells(views, fields)
-    clear = [show_only(view, cells) for view, cells in zip(views, hidden, strict=True)]
+    clear = [show_only(view, cells) for view, cells in zip(views, hidden.of_views, strict=True)]
     page = np.zeros((canvas.height, canvas.width, 3), np.float32)
     weight = np.zeros((canvas.height, canvas.width), np.float32)
     inner = np.zeros((canvas.height, canvas.width), bool)
@@ -165,9 +183,7 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas) -> MatchedLight:
         here = spread(to_cells(view.image * gain * compared[..., None]), share, WINDOWS_CELLS)
         followed.append(to_cells(gain) * (there + 1) / (here + 1))
     overall = _overall_gain(clear, page, bright, BRIGHTEST_PAPER)
-    return MatchedLight(
-        tuple(gain * overall for gain in followed), tuple(hidden), page * overall, weight > 0, inner
-    )
+    return MatchedLight(tuple(gain * overall for gain in followed), hidden, page * overall, weight > 0, inner)
 
 
 def _with_neutral_paper(lights: MatchedLight) -> MatchedLight:
