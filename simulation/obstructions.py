@@ -85,7 +85,9 @@ def obstruct(photo: SimulatedPhoto, obstructions: Obstructions) -> ObstructedPho
     """The photo with shadows, mirror images and fingers, in this order; its noise must come later."""
     truth = photo.truth
     height = truth.camera.height
-    sheet = np.nan_to_num(truth.sheet_lattice().upsampled(0, height), nan=1e3)
+    sheet: FloatImage = np.asarray(
+        np.nan_to_num(truth.sheet_lattice().upsampled(0, height), nan=1e3), np.float32
+    )
     values = photo.image.astype(np.float32)
     lost, shaded = np.zeros(sheet.shape[:2], np.float32), np.zeros(sheet.shape[:2], np.float32)
     if obstructions.shadow is not None:
@@ -94,7 +96,7 @@ def obstruct(photo: SimulatedPhoto, obstructions: Obstructions) -> ObstructedPho
     if obstructions.lamp is not None:
         mirrored = mirror_image(truth, obstructions.lamp).upsampled(0, height)
         edge = np.array([1.0, truth.page.half_height_units], np.float32)
-        on_sheet = np.max(np.abs(sheet) - edge, axis=2) <= 0
+        on_sheet = np.all(np.abs(sheet) <= edge, axis=2)
         added = np.where(on_sheet, np.maximum(mirrored[..., 0], 0), 0).astype(np.float32)
         values += added[..., None]
         lost = lost_contrast(added)
