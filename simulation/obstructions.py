@@ -116,7 +116,7 @@ def mirror_image(truth: Truth, lamp: Lamp) -> Lattice:
     """
     lattice = truth.sheet_lattice()
     sheet = lattice.values.reshape(-1, 2)
-    missed = ~np.isfinite(sheet).all(axis=1)
+    missed = np.any(~np.isfinite(sheet), axis=1)
     level = _mirrored_level(truth, np.where(missed[:, None], 0.0, sheet), lamp)
     level[missed] = 0
     return Lattice(level.reshape(*lattice.values.shape[:2], 1), lattice.width)

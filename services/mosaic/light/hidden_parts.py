@@ -34,7 +34,7 @@ CLIPPED_SHARE = 0.5
 WHOLE = 0.99
 """Share of a cell that a view shows, from which it is compared."""
 REACH_CELLS = 2
-"""Cells around those that differ, which are hidden too (soft rims), and at a view's border, which are not compared."""
+"""Width of the rim of what hides something, which is not used either, and of a view's border, which is not compared."""
 RIM_CELLS = 5
 """Window in which the rim of what hides the paper is an edge, cells: a twentieth of a view, for soft shadows."""
 STEEP_SHARE = 0.5
@@ -64,11 +64,11 @@ class HiddenPart:
         return float((self.cells & self.shown)[part].sum() / max(self.shown[part].sum(), 1))
 
     def over(self, left: float, top: float, side: float, width: int, height: int) -> Mask:
-        """Which squares (height, width) of the mosaic are hidden, of `side` pixels, from (left, top) on."""
+        """Which squares (height, width) of the mosaic are hidden, rims too, of `side` pixels, from (left, top) on."""
         middle = (side - 1) / 2
         H_mosaic_squares = translation(left + middle, top + middle) @ scaling(side)
         warped = cv2.warpAffine(
-            self.cells.astype(np.uint8) * np.uint8(255),
+            _with_rim(self.cells).astype(np.uint8) * np.uint8(255),
             (self.H_cells_mosaic @ H_mosaic_squares)[:2],
             (width, height),
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -148,11 +148,11 @@ def hidden_part(cells: Mask, shown: Mask, corner: tuple[int, int], canvas: Canva
 
 
 def show_only(view: CanvasView, hidden: Mask) -> CanvasView:
-    """The view without its `hidden` cells, whose borders are borders of what it shows."""
+    """The view without its `hidden` cells and their rims, whose borders are borders of what it shows."""
     if not hidden.any():
         return view
     side = np.ones((CELL_PX, CELL_PX), np.uint8)
-    shown = view.shown & (np.kron(hidden.astype(np.uint8), side) == 0)
+    shown = view.shown & (np.kron(_with_rim(hidden).astype(np.uint8), side) == 0)
     feather = cv2.distanceTransform(np.pad(shown.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
     return replace(view, shown=shown, feather=np.asarray(feather, np.float32))
 
@@ -263,6 +263,13 @@ def _with_steep_rim(away: Mask, cells: CellMeasures) -> Mask:
 
 
 def _without_specks(hidden: Mask) -> Mask:
-    """The cells and what lies within `REACH_CELLS` of them, but for places smaller than two by two cells."""
-    opened = cv2.morphologyEx(hidden.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    return np.asarray(cv2.dilate(opened, np.ones((2 * REACH_CELLS + 1,) * 2, np.uint8)) > 0)
+    """The cells, but for places smaller than two by two of them."""
+    return np.asarray(
+        cv2.morphologyEx(hidden.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)) > 0
+    )
+
+
+def _with_rim(hidden: Mask) -> Mask:
+    """The cells and what lies within `REACH_CELLS` of them."""
+    side = np.ones((2 * REACH_CELLS + 1,) * 2, np.uint8)
+    return np.asarray(cv2.dilate(hidden.astype(np.uint8), side) > 0)
