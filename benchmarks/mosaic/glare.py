@@ -60,6 +60,8 @@ _MARGIN = 0.08
 """Blank paper beside the print of sheets that are seen whole, as a share of the sheet's width."""
 _SHADED = 0.1
 """Share of the light from which a place is shaded."""
+_GRID_PX = 12.0
+"""Between points of the page at which hidden shares are counted."""
 _HIDDEN = 0.5
 """Share of the print's contrast from which a place is hidden."""
 
@@ -126,13 +128,19 @@ def measure(photos: Sequence[ObstructedPhoto]) -> tuple[dict[str, float], RgbIma
 
 
 def _covered_error(photos: Sequence[ObstructedPhoto], result: MosaicResult) -> float:
-    errors = []
-    for photo, patch in zip(photos, result.patches, strict=True):
-        sheet = photo.truth.page_mask()
-        hidden = (photo.lost > _HIDDEN) | (photo.shaded > _SHADED)
-        share = float((hidden & sheet).sum() / max(sheet.sum(), 1))
-        errors.append(abs((patch.covered_fraction or 0.0) - share))
-    return float(np.mean(errors))
+    page = photos[0].truth.page
+    x, y = np.arange(4.0, page.width, _GRID_PX), np.arange(4.0, page.height, _GRID_PX)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    shown, hidden = np.zeros((2, len(photos), len(points)), bool)
+    for k, photo in enumerate(photos):
+        seen = place_in_photo(photo.truth)(points)
+        shown[k] = np.isfinite(seen).all(axis=1)
+        i, j = np.round(seen[shown[k]]).astype(int).T
+        hidden[k, shown[k]] = (photo.lost[j, i] > _HIDDEN) | (photo.shaded[j, i] > _SHADED)
+    elsewhere = (shown & ~hidden).any(axis=0)
+    true = (hidden & elsewhere).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
+    told = np.array([patch.covered_fraction or 0.0 for patch in result.patches])
+    return float(np.mean(np.abs(told - true)))
 
 
 def read_percent(
