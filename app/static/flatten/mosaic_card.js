@@ -59,7 +59,8 @@ export class MosaicCard {
     const described = this.files.map((file, index) => {
       const patch = result.patches[index];
       const warning = result.warnings.find(({ detail }) => detail.includes(`images[${index}]`));
-      const text = patch.placed ? `placed, sharpness ${patch.sharpness.toFixed(2)}` : (warning?.detail ?? "could not be placed");
+      const hidden = patch.covered_fraction >= 0.005 ? `, ${Math.round(100 * patch.covered_fraction)} % hidden` : "";
+      const text = patch.placed ? `placed, sharpness ${patch.sharpness.toFixed(2)}${hidden}` : (warning?.detail ?? "could not be placed");
       return make("li", { class: patch.placed ? "" : "unplaced" }, make("strong", {}, file.name), `: ${text}`);
     });
     this.body.replaceChildren(
