@@ -6,6 +6,9 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 export HOST PORT
 
+# Compiled modules are kept: a process that compiles the service anew starts two CPU seconds later, and tests start many.
+unexport PYTHONDONTWRITEBYTECODE
+
 # The first Python of 3.11 or later; override with `make PYTHON=/path/to/python serve`.
 ifdef PYTHON
 PYTHON_GIVEN := $(PYTHON)

@@ -164,7 +164,9 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             tokens.use(await store.call(lambda store: store.secret(SECRET)))
             await blobs.open()
             await engine.start()
-            log.info("workers are warm", extra={"workers": settings.workers, **engine.status().facts})
+            log.info(
+                "workers are warm", extra={"workers": settings.workers, **engine.status().facts._asdict()}
+            )
             await job_service.start()
             try:
                 async with (

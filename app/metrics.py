@@ -9,7 +9,6 @@ from prometheus_client.registry import Collector
 
 from app.engine.base import EngineStatus, JobRecord
 from app.http.paths import PathTemplates
-from app.worker_facts import languages_of
 from models.job_records import QueueStatus
 
 MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -99,7 +98,7 @@ class _EngineCollector(Collector):
         ):
             yield GaugeMetricFamily(name, meaning, value=value)
         languages = GaugeMetricFamily("ocr_language", "Languages that OCR reads.", labels=["language"])
-        for language in languages_of(now):
+        for language in now.facts.languages:
             languages.add_metric([language], 1)
         yield languages
         yield CounterMetricFamily(

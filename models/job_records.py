@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Final, Literal
+from typing import Final, Literal, NotRequired, TypedDict
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 FINAL_STATES: Final = ("succeeded", "failed", "cancelled")
@@ -16,11 +16,43 @@ CHANGES: Final = "document_job_changes"
 """Channel on which PostgreSQL notifies of changes of jobs, as `ID REVISION`."""
 
 
+class RequestJson(TypedDict):
+    """A request without its body: what a job is to do. `headers` are those that change an answer or trace it."""
+
+    method: str
+    path: str
+    query: str
+    headers: dict[str, str]
+    request_id: str
+    caller: str | None
+    role: NotRequired[str | None]
+
+
+class HeadJson(TypedDict):
+    """The head of a job's answer. A problem's answer is whole: it has its `body` as well."""
+
+    status: int
+    headers: list[tuple[str, str]]
+    body: NotRequired[str]
+
+
+class ProblemJson(TypedDict):
+    """A problem document (RFC 9457), as it was answered."""
+
+    type: str
+    title: str
+    status: int
+    code: str
+    detail: str
+    field: NotRequired[str]
+    request_id: str
+
+
 @dataclass(frozen=True, slots=True)
 class JobDraft:
     """A job to be stored. Its input is in the blobs already.
 
-    `request` is what the job is to do, as JSON. `repeat_key` is equal for requests that ask for the same job, and
+    `repeat_key` is equal for requests that ask for the same job, and
     `digest` shows whether they ask for the same work; None: the job is never repeated. Jobs of a higher `priority` run
     first.
     """
@@ -28,7 +60,7 @@ class JobDraft:
     id: str
     owner: str | None
     operation: str
-    request: dict[str, Any]
+    request: RequestJson
     input_key: str | None
     input_bytes: int
     repeat_key: str | None = None
@@ -67,7 +99,7 @@ class StoredJob:
     id: str
     owner: str | None
     operation: str
-    request: dict[str, Any]
+    request: RequestJson
     input_key: str | None
     state: JobState
     stage: str | None
@@ -77,10 +109,10 @@ class StoredJob:
     created_at: datetime
     started_at: datetime | None
     ended_at: datetime | None
-    answer: dict[str, Any] | None
+    answer: HeadJson | None
     answer_key: str | None
     answer_bytes: int
-    problem: dict[str, Any] | None
+    problem: ProblemJson | None
     callback_url: str | None
     deliveries: tuple[Delivery, ...] = ()
 
@@ -113,10 +145,10 @@ class JobEnd:
     """The end of a job. See `StoredJob`."""
 
     state: JobState
-    answer: dict[str, Any] | None = None
+    answer: HeadJson | None = None
     answer_key: str | None = None
     answer_bytes: int = 0
-    problem: dict[str, Any] | None = None
+    problem: ProblemJson | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,7 @@ class JobRepository(Transactions):
             values = new_values(draft, self._clock())
             if (earlier := self._repeated(session, draft.repeat_key, draft.digest)) is not None:
                 return earlier, False
-            _require_room(session, draft, bounds)
+            _require_room(session, draft.owner, draft.input_bytes, bounds)
             row = session.execute(ADD, values).one()
             if also is not None:
                 also(session.connection().connection.driver_connection)
@@ -126,9 +126,8 @@ class JobRepository(Transactions):
 
     def require_queue_room(self, bounds: JobBounds, owner: str | None, input_bytes: int) -> None:
         """Raise `QueueFull` when a job of this owner would not be accepted now."""
-        draft = JobDraft("", owner, "", {}, None, input_bytes)
         with self._glancing() as session:
-            _require_room(session, draft, bounds)
+            _require_room(session, owner, input_bytes, bounds)
 
     def claim_job(self, lease_s: float) -> Lease | None:
         """Take the queued job that is next; None: there is none that may start now.
@@ -335,14 +334,14 @@ def _id_of(report: Progress) -> str:
     return report.job_id
 
 
-def _require_room(session: Session, draft: JobDraft, bounds: JobBounds) -> None:
-    jobs, input_bytes, own = session.execute(UNFINISHED_TOTALS, {"of_owner": draft.owner}).one()
+def _require_room(session: Session, owner: str | None, input_bytes: int, bounds: JobBounds) -> None:
+    jobs, kept_bytes, own = session.execute(UNFINISHED_TOTALS, {"of_owner": owner}).one()
     if jobs >= bounds.most_jobs:
         raise QueueFull(f"{jobs} jobs are unfinished (MAX_JOBS)")
     if own >= bounds.most_jobs_of_owner:
         raise QueueFull(f"{own} jobs of this API key are unfinished (MAX_JOBS_PER_KEY)")
-    if input_bytes + draft.input_bytes > bounds.most_input_bytes:
-        raise QueueFull(f"the uploads of unfinished jobs have {input_bytes} bytes (MAX_JOB_INPUT_BYTES)")
+    if kept_bytes + input_bytes > bounds.most_input_bytes:
+        raise QueueFull(f"the uploads of unfinished jobs have {kept_bytes} bytes (MAX_JOB_INPUT_BYTES)")
 
 
 def _owners_in_turn(session: Session, now: datetime) -> list[tuple[int, str | None]]:

@@ -8,7 +8,17 @@ from sqlalchemy import Row, func, select
 from sqlalchemy.orm import Session
 
 from models.documents import decode_document, encode_document
-from models.job_records import CHANGES, Delivery, JobDraft, JobEnd, JobState, StoredJob
+from models.job_records import (
+    CHANGES,
+    Delivery,
+    HeadJson,
+    JobDraft,
+    JobEnd,
+    JobState,
+    ProblemJson,
+    RequestJson,
+    StoredJob,
+)
 from models.job_statements import JOBS
 from models.tables import JobRow
 
@@ -70,7 +80,7 @@ def stored_job(row: JobRow | Row[Any]) -> StoredJob:
         id=row.id,
         owner=row.owner,
         operation=row.operation,
-        request=decode_document(row.request),
+        request=cast(RequestJson, decode_document(row.request)),
         input_key=row.input_key,
         state=cast(JobState, row.state),
         stage=row.stage,
@@ -80,10 +90,10 @@ def stored_job(row: JobRow | Row[Any]) -> StoredJob:
         created_at=row.created_at,
         started_at=row.started_at,
         ended_at=row.ended_at,
-        answer=None if row.answer is None else decode_document(row.answer),
+        answer=None if row.answer is None else cast(HeadJson, decode_document(row.answer)),
         answer_key=row.answer_key,
         answer_bytes=row.answer_bytes,
-        problem=None if row.problem is None else decode_document(row.problem),
+        problem=None if row.problem is None else cast(ProblemJson, decode_document(row.problem)),
         callback_url=row.callback_url,
         deliveries=tuple(deliveries_of(row)),
     )

@@ -4,6 +4,7 @@ from typing import TypeVar
 
 from app.engine.base import Busy, EngineStatus, ShuttingDown, TimeLimit
 from services.contract.operations import Operation
+from services.contract.worker_facts import WorkerFacts
 from services.progress import ProgressSink
 
 T = TypeVar("T")
@@ -41,7 +42,7 @@ class AbsentEngine:
 
     def status(self) -> EngineStatus:
         """Ready, as far as this process is concerned."""
-        return EngineStatus(not self._draining, 0, 0, 0, 0, 0, 0, 0, 0, {})
+        return EngineStatus(not self._draining, 0, 0, 0, 0, 0, 0, 0, 0, WorkerFacts())
 
     async def drain(self, grace_s: float) -> None:
         """Take no more."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar, runtime_checkable
 
 from services.contract.operations import Operation
+from services.contract.worker_facts import WorkerFacts
 from services.errors import DocumentError
 from services.progress import ProgressSink
 
@@ -115,7 +116,7 @@ class EngineStatus:
     running: int
     worker_deaths: int
     recycled_workers: int
-    facts: dict[str, object]
+    facts: WorkerFacts
 
 
 @dataclass(frozen=True, slots=True)

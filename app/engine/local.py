@@ -34,6 +34,7 @@ from app.engine.outcomes import Losses, error_of
 from app.engine.process import WorkerGone, WorkerProcess
 from app.engine.starting import kill_if_hung
 from services.contract.operations import Operation
+from services.contract.worker_facts import WorkerFacts
 from services.errors import DocumentError
 from services.progress import ProgressSink
 
@@ -81,7 +82,7 @@ class LocalEngine:
     def __init__(
         self,
         limits: PoolLimits,
-        warm_up: Operation[dict[str, object]] | None = None,
+        warm_up: Operation[WorkerFacts] | None = None,
         warm_up_arguments: Sequence[object] = (),
         preload: Sequence[str] = (),
         observe: Callable[[JobRecord], None] = lambda record: None,
@@ -98,7 +99,7 @@ class LocalEngine:
         self._tasks: list[asyncio.Task[None]] = []
         self._threads = ThreadPoolExecutor(limits.workers, thread_name_prefix="engine")
         self._draining = self._stopped = False
-        self._facts: dict[str, object] = {}
+        self._facts = WorkerFacts()
         self._admitted = self._live = self._running = self._deaths = self._recycled = 0
         self._mean_work_s = 1.0
         self._losses = Losses(limits.worker_memory_bytes)
@@ -187,7 +188,7 @@ class LocalEngine:
             running=self._running,
             worker_deaths=self._deaths,
             recycled_workers=self._recycled,
-            facts=dict(self._facts),
+            facts=self._facts,
         )
 
     async def drain(self, grace_s: float) -> None:

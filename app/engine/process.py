@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import cast
 
 from app.engine import worker as inside
+from services.contract.worker_facts import WorkerFacts
 from services.progress import ProgressSink
 
 
@@ -38,7 +39,7 @@ class WorkerProcess:
         )
         self._killed = self._stopped = False
 
-    def start(self) -> dict[str, object]:
+    def start(self) -> WorkerFacts:
         """Start the process and wait for its warm-up; the facts that it reports."""
         with self._starting:  # multiprocessing's list of children is not thread-safe
             self._process.start()
@@ -48,7 +49,7 @@ class WorkerProcess:
         outcome, facts = self._receive()
         if outcome != inside.READY:
             raise WorkerGone
-        return cast(dict[str, object], facts)
+        return cast(WorkerFacts, facts)
 
     def call(
         self,

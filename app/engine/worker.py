@@ -19,6 +19,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal
 
+from services.contract.worker_facts import WorkerFacts
 from services.deadline import answered_within
 from services.errors import DocumentError
 from services.heap import release_freed_memory
@@ -57,7 +58,7 @@ _MOST_CAUSES = 8
 def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None) -> None:
     """Report the end of the warm-up, then run calls until the engine closes the pipe."""
     _settle(memory_bytes)
-    facts = run(*warm_up) if warm_up is not None else {}
+    facts = run(*warm_up) if warm_up is not None else WorkerFacts()
     collect_seldom()
     connection.send_bytes(pickle.dumps((READY, facts)))
     while (answer := _answer_next(connection)) is not None:

@@ -23,6 +23,7 @@ from models.job_records import (
     JOB_BLOBS,
     JobBounds,
     JobDraft,
+    RequestJson,
     StoredJob,
     blob_key,
     job_of_blob,
@@ -177,7 +178,7 @@ class Jobs:
 
     async def store_job(
         self,
-        description: dict[str, Any],
+        description: RequestJson,
         parts: Iterator[bytes],
         most_bytes: int,
         owner: str | None,

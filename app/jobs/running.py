@@ -7,7 +7,6 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 from starlette.datastructures import Headers
 from starlette.responses import Response
@@ -20,12 +19,12 @@ from app.storage.blobs import BlobAccess
 from app.storage.layout_store import LayoutStore
 from models.blobs import BlobNotFound
 from models.errors import StoreError, StoreUnavailable
-from models.job_records import JobEnd, Lease, Progress, StoredJob, blob_key
+from models.job_records import JobEnd, Lease, Progress, RequestJson, StoredJob, blob_key
 from services.errors import TooLarge
 
 log = logging.getLogger(__name__)
 
-Do = Callable[[dict[str, Any], AsyncIterator[bytes], JobRun], Awaitable[Response]]
+Do = Callable[[RequestJson, AsyncIterator[bytes], JobRun], Awaitable[Response]]
 """Does a stored request: its description, the parts of its body, and what its route needs to know of the job."""
 Tell = Callable[[Exception, str], Response]
 """The problem document of an error, for the request with this id."""
@@ -285,6 +284,6 @@ def _problem_code(answer: Response) -> str | None:
     return str(json.loads(bytes(answer.body)).get("code"))
 
 
-def _trace(request: dict[str, Any]) -> dict[str, str]:
+def _trace(request: RequestJson) -> dict[str, str]:
     """What connects log lines of a job with those of its request."""
     return {"request_id": request["request_id"], **trace_of(Headers(request["headers"]))}

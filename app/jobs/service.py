@@ -27,7 +27,7 @@ from app.settings import Settings
 from app.storage.blobs import BlobAccess
 from app.storage.layout_store import LayoutStore
 from models.errors import StoreError
-from models.job_records import QueueStatus
+from models.job_records import QueueStatus, RequestJson
 
 QUEUE_TIMEOUT_S = 1.0
 """Time for the numbers of the queue, without which metrics are served too."""
@@ -47,7 +47,7 @@ class JobService:
         """`answer` handles the framework's errors of `app`, by whose routes the jobs are done."""
         routes = _without_middleware(app, answer)
 
-        async def do(request: dict[str, Any], body: AsyncIterator[bytes], run: JobRun) -> Response:
+        async def do(request: RequestJson, body: AsyncIterator[bytes], run: JobRun) -> Response:
             return await do_request(routes, app, request, body, run)
 
         self._store = store

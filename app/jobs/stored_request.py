@@ -6,7 +6,6 @@ So the answer of a job is that of the request by construction, and a new route n
 import secrets
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from fastapi import Request
 from starlette.datastructures import FormData, Headers, UploadFile
@@ -15,6 +14,7 @@ from starlette.types import ASGIApp, Message, Scope
 
 from app.http.form_parts import has_form
 from app.logs import trace_of
+from models.job_records import RequestJson
 from services.progress import ProgressSink
 
 _READ_BYTES = 1 << 20
@@ -38,7 +38,7 @@ class JobRun:
     report: ProgressSink
 
 
-def describe_request(request: Request, content_type: str | None) -> dict[str, Any]:
+def describe_request(request: Request, content_type: str | None) -> RequestJson:
     """A request without its body, as JSON. `content_type` is that of the stored body."""
     headers = {name: request.headers[name] for name in _KEPT_HEADERS if name in request.headers}
     headers |= trace_of(request.headers)
@@ -97,7 +97,7 @@ def _quoted(name: str) -> str:
 
 
 async def do_request(
-    app: ASGIApp, fastapi: object, stored: dict[str, Any], body: AsyncIterator[bytes], run: JobRun
+    app: ASGIApp, fastapi: object, stored: RequestJson, body: AsyncIterator[bytes], run: JobRun
 ) -> Response:
     """The response of `app` to a stored request. `fastapi` is the application whose state the routes use."""
     headers = [(name.encode("latin-1"), value.encode("latin-1")) for name, value in stored["headers"].items()]

@@ -10,7 +10,6 @@ from app.http.problems import documented
 from app.metrics import MEDIA_TYPE
 from app.schemas.health import Live, Ready
 from app.state import AppState, State
-from app.worker_facts import languages_of
 from services.errors import DocumentError
 
 DISK_TIMEOUT_S = 0.2
@@ -42,14 +41,13 @@ async def ready(state: State) -> Ready:
     )
     if not status.ready or (not status.workers and not runners):
         raise NotReady("No worker is ready; work that is sent now would wait.")
-    ocr = status.facts.get("ocr")
     return Ready(
         live_workers=status.live_workers,
         workers=status.workers,
         admitted=status.admitted,
         capacity=status.capacity,
-        ocr=None if ocr is None else str(ocr),
-        languages=languages_of(status),
+        ocr=status.facts.ocr,
+        languages=list(status.facts.languages),
         disk="ready" if disk else "full",
         store="ready" if store else "unavailable",
         blobs=_state_of_blobs(state) if blobs else "unavailable",

@@ -12,6 +12,7 @@ from services.contract.layout import DocumentReply, LayoutReply, RenderedResults
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft
 from services.contract.page_json import SampleJson
+from services.contract.worker_facts import WorkerFacts
 
 T = TypeVar("T")
 
@@ -65,7 +66,7 @@ class Operations:
     )
     compare_models: Operation[ModelDifference] = Operation("services.operations.layout_diff:compare_models")
     propose_classes: Operation[Proposals] = Operation("services.operations.layout_discovery:propose_classes")
-    warm_up: Operation[dict[str, object]] = Operation("services.operations.warming:warm_up")
+    warm_up: Operation[WorkerFacts] = Operation("services.operations.warming:warm_up")
 
     @property
     def modules(self) -> list[str]:

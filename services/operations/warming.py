@@ -9,6 +9,7 @@ from services.arrays import RgbImage
 from services.contract.images import DocumentLimits, Encoding
 from services.contract.layout import LayoutOptions, LayoutSettings
 from services.contract.rectify import RectifyParameters
+from services.contract.worker_facts import WorkerFacts
 from services.errors import DocumentError
 from services.imaging.codec import encode_image
 from services.ocr.tesseract import installed_languages
@@ -17,11 +18,10 @@ from services.operations.reader import ocr_engine
 from services.operations.rectify_documents import rectify_uploads
 
 
-def warm_up(content_features: Path | None = None) -> dict[str, object]:
+def warm_up(content_features: Path | None = None) -> WorkerFacts:
     """Import modules, open the OCR engine and rectify a small picture, so that the first request is not slower.
 
-    `content_features` is the operator's settings file of content features (None: the file of this package). Returns
-    `{"ocr": name, "languages": [...]}` with the name of the OCR engine or None, and what it reads.
+    `content_features` is the operator's settings file of content features (None: the file of this package).
 
     Raises
     ------
@@ -35,8 +35,7 @@ def warm_up(content_features: Path | None = None) -> dict[str, object]:
     recognize_upload(
         sheet, None, None, [], LayoutOptions(), LayoutSettings(content_features=content_features)
     )
-    languages = () if engine is None else installed_languages()
-    return {"ocr": None if engine is None else engine.name, "languages": list(languages)}
+    return WorkerFacts() if engine is None else WorkerFacts(engine.name, tuple(installed_languages()))
 
 
 def _draw_sheet() -> RgbImage:

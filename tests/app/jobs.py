@@ -10,6 +10,7 @@ from pathlib import Path
 
 import psutil
 
+from services.contract.worker_facts import WorkerFacts
 from services.deadline import time_left_s
 from services.errors import NoText
 from services.progress import report_progress
@@ -89,29 +90,29 @@ def threads_and_limits() -> dict[str, object]:
     }
 
 
-def fail_to_warm_up() -> dict[str, object]:
+def fail_to_warm_up() -> WorkerFacts:
     raise RuntimeError("a library is missing")
 
 
-def exit_while_warming_up() -> dict[str, object]:
+def exit_while_warming_up() -> WorkerFacts:
     os._exit(5)
 
 
-def hang_while_warming_up() -> dict[str, object]:
+def hang_while_warming_up() -> WorkerFacts:
     time.sleep(3600)
-    return {}
+    return WorkerFacts()
 
 
-def warm_up_for_long() -> dict[str, object]:
+def warm_up_for_long() -> WorkerFacts:
     """Longer than a test's limit for a worker that does nothing."""
     begin_s = time.process_time()
     while time.process_time() < begin_s + 0.4:
         pass
-    return {}
+    return WorkerFacts()
 
 
-def say_warm() -> dict[str, object]:
-    return {"ocr": "none", "pid": os.getpid()}
+def say_warm() -> WorkerFacts:
+    return WorkerFacts("none", (str(os.getpid()),))
 
 
 def report_stages(folder: str) -> str:

@@ -45,6 +45,7 @@ from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation, Operations
 from services.contract.page_json import PageJson, SampleJson
 from services.contract.rectify import RectifyParameters
+from services.contract.worker_facts import WorkerFacts
 from tests.app.scripted_results import CREASED_SHEET, layout_document, mosaic_document
 from tests.app.scripted_results import document as rectified_document
 from tests.app.scripts import JPEG, follow, upload
@@ -475,9 +476,9 @@ def _labels(document: bytes) -> list[str]:
     return [node["label"] for node in json.loads(document)["nodes"] if node["label"]]
 
 
-def warm_up(content_features: Path | None) -> dict[str, object]:
+def warm_up(content_features: Path | None) -> WorkerFacts:
     """What workers of the scripted service say of themselves."""
-    return {"ocr": "scripted", "languages": ["eng", "fra"]}
+    return WorkerFacts("scripted", ("eng", "fra"))
 
 
 OPERATIONS = Operations(**{field.name: Operation(f"{__name__}:{field.name}") for field in fields(Operations)})

@@ -57,8 +57,10 @@ def test_it_answers_from_a_warm_process_of_its_own() -> None:
     async def check() -> None:
         async with engine() as pool:
             assert pool.status().ready
-            assert pool.status().facts["ocr"] == "none"
-            assert await pool.submit(named(worker_pid)) == pool.status().facts["pid"] != os.getpid()
+            assert pool.status().facts.ocr == "none"
+            pid = await pool.submit(named(worker_pid))
+            assert pool.status().facts.languages == (str(pid),)
+            assert pid != os.getpid()
             assert await pool.submit(named(size_of), b"x" * 30_000_000) == 30_000_000
             assert len(await pool.submit(named(payload_of), 30_000_000)) == 30_000_000
 

@@ -23,6 +23,7 @@ from app.storage.layout_store import LayoutStore, ResultLimits
 from models.errors import StoreUnavailable
 from models.job_records import JobBounds, JobDraft, StoredJob, blob_key
 from models.repository import Store
+from tests.models.job_requests import RECTIFY
 
 ROOM = JobBounds(9, 9, 1 << 30)
 Do = Callable[[JobRun], Awaitable[Response]]
@@ -47,7 +48,7 @@ class Service:
         self.jobs = Jobs(self.store, self.blobs, limits or JobLimits(), work)
 
     async def add(self, id: str = "a") -> StoredJob:
-        draft = JobDraft(id, None, "rectify", {"request_id": "the request", "headers": {}}, None, 0)
+        draft = JobDraft(id, None, "rectify", RECTIFY, None, 0)
         job, _ = await self.store.call(lambda store: store.add_job(draft, ROOM))
         return job
 
@@ -272,7 +273,7 @@ def test_an_upload_that_is_gone_ends_its_job(tmp_path: Path) -> None:
             return await done(run)
 
         service.runner._do = read  # type: ignore[assignment]
-        draft = JobDraft("a", None, "rectify", {"request_id": "r", "headers": {}}, "jobs/a/input", 3)
+        draft = JobDraft("a", None, "rectify", RECTIFY, "jobs/a/input", 3)
         await service.store.call(lambda store: store.add_job(draft, ROOM))
         await service.runner.run_one()
         job = await service.job()

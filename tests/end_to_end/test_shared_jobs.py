@@ -24,6 +24,7 @@ from tests.app.scripts import upload
 from tests.end_to_end.processes import SCRIPTED, Service, running
 from tests.end_to_end.test_durable_jobs import LEASE_S, accept, until
 from tests.models.databases import KINDS
+from tests.models.job_requests import RECTIFY
 
 pytestmark = pytest.mark.skipif("postgresql" not in KINDS, reason="PostgreSQL is not installed")
 
@@ -90,7 +91,7 @@ def test_a_ticket_comes_with_its_job_and_changes_are_told(
         listener = changes.ChangeListener(shared.url, Heard())  # type: ignore[arg-type]
         listener.start()
         assert await news.get() is True
-        draft = JobDraft("a" * 32, None, "rectify", {}, None, 0)
+        draft = JobDraft("a" * 32, None, "rectify", RECTIFY, None, 0)
         store.add_job(draft, JobBounds(9, 9, 9), partial(dispatch.enlist, draft.id))
         assert shared.tickets() == 1
         lease = store.claim_job(60)

@@ -11,6 +11,7 @@ from models.job_records import MOST_CALLBACK_WAIT_S, JobBounds, JobDraft, JobEnd
 from models.records import ReviewDraft, UnknownPageDraft
 from models.repository import Store
 from tests.models.feedback_drafts import change, draft
+from tests.models.job_requests import RECTIFY
 from tests.models.test_reviews import NOW, Clock
 
 DAY = timedelta(days=1)
@@ -38,7 +39,7 @@ def corrected(clock: Clock) -> None:
 
 
 def job(id: str, owner: str | None = None, callback_url: str | None = None) -> JobDraft:
-    return JobDraft(id, owner, "rectify", {}, None, 10, callback_url=callback_url)
+    return JobDraft(id, owner, "rectify", RECTIFY, None, 10, callback_url=callback_url)
 
 
 def died(job: StoredJob) -> JobEnd:

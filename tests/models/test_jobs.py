@@ -15,6 +15,7 @@ from models.job_records import JobBounds, JobDraft, JobEnd, Lease, Progress, Sto
 from models.job_repository import MOST_RETURNS
 from models.repository import Store
 from tests.models.conftest import Clock
+from tests.models.job_requests import RECTIFY
 
 ROOM = JobBounds(1000, 1000, 1 << 40)
 DONE = JobEnd("succeeded", {"status": 200, "headers": []}, "jobs/x/answer", 10)
@@ -25,7 +26,7 @@ _numbers = count(1)
 
 def draft(owner: str | None = None, **changes: object) -> JobDraft:
     job_id = f"{next(_numbers):032x}"
-    made = JobDraft(job_id, owner, "rectify", {"path": "/rectify"}, blob_key(job_id, "input"), 100)
+    made = JobDraft(job_id, owner, "rectify", RECTIFY, blob_key(job_id, "input"), 100)
     return replace(made, **changes)  # type: ignore[arg-type]
 
 

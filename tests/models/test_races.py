@@ -17,6 +17,7 @@ from models.repository import Store
 from services.contract.cameras import MOST_PHOTOS
 from tests.counts import repeats
 from tests.models.feedback_drafts import draft
+from tests.models.job_requests import RECTIFY
 
 pytestmark = pytest.mark.long
 
@@ -238,7 +239,7 @@ def test_limits_hold(store: Store, clients: Clients) -> None:
 
 
 def job(owner: str | None = None, **more: Any) -> JobDraft:
-    return JobDraft(f"{next(_numbers):032x}", owner, "rectify", {}, None, 10, **more)
+    return JobDraft(f"{next(_numbers):032x}", owner, "rectify", RECTIFY, None, 10, **more)
 
 
 def test_no_more_jobs_are_accepted_than_there_is_room_for(store: Store, clients: Clients) -> None:

@@ -16,6 +16,7 @@ from models.records import ReviewDraft
 from models.repository import Store, utc_now
 from models.tables import Table
 from tests.models.feedback_drafts import draft
+from tests.models.job_requests import RECTIFY
 
 ROOM = JobBounds(4, 4, 1000)
 """The world has three unfinished jobs: there is room for one more."""
@@ -90,7 +91,7 @@ def _feedback(result_id: str, request: str) -> FeedbackDraft:
 
 def _add_job(store: Store, repeat_key: str | None = None, digest: str | None = None, **more: Any) -> str:
     id = f"{_add_job.__name__}-{utc_now().timestamp():f}".encode().hex()[-32:]
-    job = JobDraft(id, None, "rectify", {"n": 1}, f"jobs/{id}/input", 10, repeat_key, digest, **more)
+    job = JobDraft(id, None, "rectify", RECTIFY, f"jobs/{id}/input", 10, repeat_key, digest, **more)
     return store.add_job(job, ROOM)[0].id
 
 
