@@ -190,17 +190,16 @@ def test_scale_and_sharpness_of_every_patch(three: MosaicResult) -> None:
     assert max(patch.sharpness or 0.0 for patch in three.patches) == 1.0
 
 
-def test_a_thumb_on_one_photo_is_told_and_not_on_the_page(three: MosaicResult) -> None:
+def test_a_fingertip_on_one_photo_is_told_and_not_on_the_page(three: MosaicResult) -> None:
     taken = photos()
-    tip = cv2.perspectiveTransform(np.array([[[150.0, 800.0]]]), CAMERAS[0])[0, 0]
-    skin = (196, 120, 90)
-    cv2.line(taken[0], (0, round(tip[1])), (round(tip[0]), round(tip[1])), skin, 70)
+    x, y = cv2.perspectiveTransform(np.array([[[550.0, 700.0]]]), CAMERAS[0])[0, 0]
+    cv2.circle(taken[0], (round(x), round(y)), 45, (196, 120, 90), -1)
     found = mosaic(taken, AS_LAID)
     covered = [patch.covered_fraction or 0.0 for patch in found.patches]
-    assert 0.005 < covered[0] < 0.03
+    assert 0.004 < covered[0] < 0.02
     assert covered[1:] == [0.0, 0.0]
     red = found.image.astype(int)[..., 0] - found.image[..., 2]
-    assert (red > 60).mean() < 1e-4 < (taken[0][..., 0].astype(int) - taken[0][..., 2] > 60).mean()
+    assert (red > 60).mean() < 1e-4
     assert [patch.covered_fraction for patch in three.patches] == [0.0, 0.0, 0.0]
 
 
