@@ -60,6 +60,7 @@ from app.routes import (
     pages,
     rectify,
     review,
+    shortcuts,
     tokens,
 )
 from app.routes import jobs as job_routes
@@ -83,6 +84,7 @@ ROUTERS = (
     kept_pages.router,
     cameras.router,
     mosaic.router,
+    shortcuts.router,
     layout.router,
     layout_images.router,
     layout_feedback.router,

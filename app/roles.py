@@ -17,6 +17,7 @@ from typing import Final, Literal, cast, get_args
 from starlette.routing import compile_path
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from app.http.paths import MOSAIC_PATHS, RECTIFY_PATHS
 from services.errors import DocumentError
 
 Role = Literal["reader", "verifier", "admin"]
@@ -28,8 +29,7 @@ MOST_FILE_BYTES = 1 << 20
 _LINE = re.compile(r"([A-Za-z][A-Za-z0-9_.-]{0,62})\s+(\w+)\s+([0-9a-f]{64})")
 _SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 READERS_WRITE = (
-    ("POST", "/rectify"),
-    ("POST", "/mosaic"),
+    *(("POST", path) for path in (*RECTIFY_PATHS, *MOSAIC_PATHS)),
     ("POST", "/layout"),
     ("POST", "/tokens"),
     ("POST", "/pages/{id}/render"),

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from app.http.json_bodies import MOST_BYTES
+from app.http.paths import MOSAIC_PATHS, RECTIFY_PATHS
 from app.http.uploads import BodyLimits
 from app.settings import Settings
 
@@ -47,17 +48,17 @@ def body_limits_of(settings: Settings) -> tuple[BodyLimits, Mapping[str, BodyLim
     archive = replace(
         photo, max_upload_bytes=settings.max_document_upload_bytes, size_setting="MAX_DOCUMENT_UPLOAD_BYTES"
     )
+    rectify = replace(
+        plain,
+        max_upload_bytes=max(settings.max_document_upload_bytes, settings.max_upload_bytes),
+        size_setting="MAX_DOCUMENT_UPLOAD_BYTES",
+    )
+    mosaic = replace(
+        photo, max_upload_bytes=settings.max_mosaic_upload_bytes, size_setting="MAX_MOSAIC_UPLOAD_BYTES"
+    )
     return plain, {
-        "/rectify": replace(
-            plain,
-            max_upload_bytes=max(settings.max_document_upload_bytes, settings.max_upload_bytes),
-            size_setting="MAX_DOCUMENT_UPLOAD_BYTES",
-        ),
-        "/mosaic": replace(
-            photo,
-            max_upload_bytes=settings.max_mosaic_upload_bytes,
-            size_setting="MAX_MOSAIC_UPLOAD_BYTES",
-        ),
+        **dict.fromkeys(RECTIFY_PATHS, rectify),
+        **dict.fromkeys(MOSAIC_PATHS, mosaic),
         "/layout": replace(
             zones,
             max_upload_bytes=settings.max_document_upload_bytes,

@@ -14,7 +14,8 @@ from app.access.tokens import Tokens
 from app.engine.base import Engine
 from app.http.body_limits import body_limits_of
 from app.http.browser_rules import OwnSite, SecurityHeaders
-from app.http.paths import PlainPaths
+from app.http.octets import Octets
+from app.http.paths import MOSAIC_PATHS, RECTIFY_PATHS, PlainPaths
 from app.http.problems import ProblemBoundary
 from app.http.transfer import ConditionalGet, HeadAndOptions, RootPath
 from app.http.upload_places import UploadPlaces
@@ -28,8 +29,7 @@ from app.settings import Settings
 
 WORK = frozenset(
     {
-        ("POST", "/rectify"),
-        ("POST", "/mosaic"),
+        *(("POST", path) for path in (*RECTIFY_PATHS, *MOSAIC_PATHS)),
         ("GET", "/pages/{id}/photo"),
         ("POST", "/pages/{id}/render"),
         ("POST", "/pages/bind"),
@@ -49,8 +49,7 @@ WORK = frozenset(
 """Requests that need a seat in the engine."""
 LATER = frozenset(
     {
-        ("POST", "/rectify"),
-        ("POST", "/mosaic"),
+        *(("POST", path) for path in (*RECTIFY_PATHS, *MOSAIC_PATHS)),
         ("POST", "/layout"),
         ("POST", "/layout/models/{name}/initialize"),
         ("POST", "/layout/models/{name}/train"),
@@ -88,9 +87,9 @@ def add_middleware(
 ) -> None:
     """Add everything that every request passes before its route.
 
-    The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins,
-    compression, errors, paths that name nothing, requests of other sites, API keys, roles, list of changes, methods,
-    admission to the queue of jobs and to the engine.
+    The middleware that is added last is the outermost: prefix, log, security headers, body limits, origins, files as
+    bytes, compression, errors, paths that name nothing, requests of other sites, API keys, roles, list of changes,
+    methods, admission to the queue of jobs and to the engine.
     """
     places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(UploadAdmission, engine=engine, work=WORK, places=places)
@@ -117,6 +116,7 @@ def add_middleware(
         compresslevel=COMPRESSION,
         exclude_content_types=COMPACT_TYPES,
     )
+    app.add_middleware(Octets)
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,

@@ -10,14 +10,20 @@ from fastapi.openapi.utils import get_openapi
 
 from app.access.authentication import HEADER as API_KEY_HEADER
 from app.access.authentication import OPEN_PATHS
+from app.http.octets import OCTETS
 from app.http.problems import documented
 from app.openapi.examples import BODY_EXAMPLES, RESPONSE_EXAMPLES
+from app.openapi.plain_answers import PLAIN_MOSAIC, PLAIN_PAGES
 from app.schemas.layout_samples import PageBody
 from services.contract.answers.problem import Problem
 
 JSON = "application/json"
 FORM = "multipart/form-data"
 PROBLEM = "application/problem+json"
+INFO = {
+    "license": {"name": "Apache License 2.0", "identifier": "Apache-2.0"},
+    "contact": {"name": "Whoever operates this service"},
+}
 _BINARY = "application/octet-stream"
 
 
@@ -31,7 +37,7 @@ def describe(app: FastAPI, tags: Mapping[str, str], *, keys: bool, root_path: st
     tags
         Meaning of each tag.
     keys
-        Whether API keys are configured.
+        Whether API keys are configured; else requests need none.
     root_path
         Prefix of all paths, as clients see them.
     """
@@ -45,17 +51,22 @@ def describe(app: FastAPI, tags: Mapping[str, str], *, keys: bool, root_path: st
     )
     components = document.setdefault("components", {})
     schemas = components.setdefault("schemas", {})
+    document["info"] |= INFO
+    document.setdefault("servers", [{"url": "/"}])
+    _describe_keys(document, needed=keys)
     for _, operation in operations_of(document):
+        _leave_out_doubles(operation, schemas)
         _describe_problems(operation)
         _add_examples(operation)
         _put_json_first(operation)
+        _offer_bytes(operation)
     for foreseen in ("HTTPValidationError", "ValidationError"):
         schemas.pop(foreseen, None)
     schemas["Problem"] = Problem.model_json_schema()
     page = PageBody.model_json_schema(ref_template="#/components/schemas/{model}")
     schemas |= {**page.pop("$defs"), "PageBody": page}
-    if keys:
-        _describe_keys(document)
+    for plain in (PLAIN_PAGES, PLAIN_MOSAIC):
+        schemas |= plain.components()
     _name_schemas(document)
     _simplify(document)
     return document
@@ -77,15 +88,28 @@ def _describe_problems(operation: dict[str, Any]) -> None:
         responses.setdefault(str(status), response)
 
 
-def _describe_keys(document: dict[str, Any]) -> None:
-    """Say that every operation needs a key, except those of open paths."""
+def _leave_out_doubles(operation: dict[str, Any], schemas: Mapping[str, Any]) -> None:
+    """Leave out query options that are parts of the form as well: generators declare both by one name.
+
+    The query is still read: who writes a command puts `?format=` there.
+    """
+    form = operation.get("requestBody", {}).get("content", {}).get(FORM, {}).get("schema", {})
+    if "$ref" in form:
+        form = schemas[form["$ref"].rpartition("/")[2]]
+    if "parameters" in operation:
+        parts = form.get("properties", {})
+        operation["parameters"] = [each for each in operation["parameters"] if each["name"] not in parts]
+
+
+def _describe_keys(document: dict[str, Any], *, needed: bool) -> None:
+    """Say that every operation takes a key, and whether it is `needed`, except those of open paths."""
     document["components"]["securitySchemes"] = {
         "ApiKey": {"type": "apiKey", "in": "header", "name": API_KEY_HEADER},
         "Bearer": {"type": "http", "scheme": "bearer"},
     }
     for path, operation in operations_of(document):
         if path not in OPEN_PATHS:
-            operation["security"] = [{"ApiKey": []}, {"Bearer": []}]
+            operation["security"] = [*([] if needed else [{}]), {"ApiKey": []}, {"Bearer": []}]
             refusals = documented("unauthorized", "forbidden")
             operation["responses"] |= {str(status): meaning for status, meaning in refusals.items()}
 
@@ -133,6 +157,15 @@ def _put_json_first(operation: dict[str, Any]) -> None:
             response["content"] = {JSON: content.pop(JSON), **content}
 
 
+def _offer_bytes(operation: dict[str, Any]) -> None:
+    """Files may be asked for as bytes; generators leave out answers that have other media types only."""
+    for response in operation["responses"].values():
+        content = response.get("content", {})
+        schemas = [each.get("schema", {}) for each in content.values()]
+        if schemas and all(schema.get("format") == "binary" for schema in schemas):
+            response["content"] = {OCTETS: {"schema": schemas[0]}, **content}
+
+
 def _problem_example(status: int, code: str, description: str) -> dict[str, Any]:
     detail = description.split(f"`{code}`: ", 1)[1].split(" `", 1)[0]
     return {
@@ -150,7 +183,8 @@ def _simplify(part: Any) -> None:
 
     Files are `format: binary`: generators and Swagger UI take FastAPI's `contentMediaType` for text. A form's
     condition on its parts (`anyOf` at its root) makes generators drop its fields; the description has it too.
-    Integers have integral bounds, because generators print them.
+    Integers have integral bounds, because generators print them. A parameter is absent and never null, and an integer
+    is a number: a choice between both makes classes without a name.
     """
     if isinstance(part, list):
         for each in part:
@@ -162,6 +196,13 @@ def _simplify(part: Any) -> None:
         part["format"] = "binary"
     if part.get("type") == "object" and "properties" in part and part.pop("anyOf", None):
         part["minProperties"] = 1
+    if "in" in part and "anyOf" in part.get("schema", {}):
+        part["schema"] = {
+            **{key: value for key, value in part["schema"].items() if key != "anyOf"},
+            **next(option for option in part["schema"]["anyOf"] if option.get("type") != "null"),
+        }
+    if [option.get("type") for option in part.get("anyOf", ())] == ["integer", "number"]:
+        part["type"] = part.pop("anyOf")[1]["type"]
     if part.get("type") == "integer":
         for bound in ("minimum", "maximum"):
             if isinstance(part.get(bound), float):

@@ -21,6 +21,12 @@ from app.openapi.example_documents import (
     VERSIONS,
     WHEN,
 )
+from app.openapi.plain_answers import PLAIN_MOSAIC, PLAIN_PAGES
+from services.contract.answers.rectify import PagesResult, RectifyResult
+
+_PHOTO = ["(file photo.jpg)"]
+_PHOTOS = ["(file a.jpg)", "(file b.jpg)"]
+_PAGES = PagesResult(pages=[RectifyResult.model_validate(RECTIFIED)], warnings=[], timings_ms={})
 
 BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
     "application/json": {
@@ -42,8 +48,15 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
         },
     },
     "multipart/form-data": {
-        "rectify": {"image": ["(file photo.jpg)"], "illumination": "normalize", "format": "json"},
-        "mosaic": {"images": ["(file a.jpg)", "(file b.jpg)"], "format": "json"},
+        "rectify": {"image": _PHOTO, "illumination": "normalize", "format": "json"},
+        "mosaic": {"images": _PHOTOS, "format": "json"},
+        "rectify_to_image": {"image": _PHOTO, "illumination": "normalize"},
+        "rectify_to_pdf": {"image": _PHOTO, "text": True},
+        "rectify_to_text": {"image": _PHOTO, "format": "markdown"},
+        "rectify_to_pages": {"image": _PHOTO, "text": True},
+        "mosaic_to_image": {"images": _PHOTOS, "format": "png"},
+        "mosaic_to_pdf": {"images": _PHOTOS, "text": True},
+        "mosaic_to_json": {"images": _PHOTOS},
         "layout": {"image": ["(file page.png)"], "format": "json"},
         "add_layout_samples": {"archive": "(file samples.zip)"},
         "import_layout_models": {"archive": "(file models.zip)"},
@@ -56,6 +69,8 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
     ("200", "kept_page"): RECTIFIED,
     ("200", "render_kept_page"): RECTIFIED,
     ("200", "mosaic"): MOSAIC,
+    ("200", "rectify_to_pages"): PLAIN_PAGES.convert(_PAGES.model_dump(mode="json")),
+    ("200", "mosaic_to_json"): PLAIN_MOSAIC.convert(MOSAIC),
     ("200", "layout"): LAYOUT,
     ("200", "layout_result"): LAYOUT,
     **{
@@ -63,6 +78,8 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
         for name in (
             "rectify",
             "mosaic",
+            *(f"rectify_to_{what}" for what in ("image", "pdf", "text", "pages")),
+            *(f"mosaic_to_{what}" for what in ("image", "pdf", "json")),
             "layout",
             "add_layout_samples",
             "import_layout_models",

@@ -11,10 +11,10 @@ from app.http.form_parts import FormRoute
 from app.http.known_options import known_parts, with_format
 from app.http.ocr_languages import chosen_language
 from app.routes.long_work import PREFER, answer_now_or_later
-from app.routes.page_answers import answer_page, choose_encoding, documented_page
+from app.routes.page_answers import PageAnswer, answer_page, choose_encoding, documented_page
 from app.schemas.mosaic import MosaicForm
 from app.schemas.options import AskedFormat, CallbackUrl
-from app.state import State
+from app.state import AppState, State
 from app.storage.camera_memory import known_cameras
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.mosaic import MosaicLimits
@@ -52,7 +52,13 @@ async def mosaic(
     The response format follows `Accept`, or the field `format`; else it is an image in the first photo's own format
     (HEIC: JPEG). Photos that could not be placed are listed.
     """
-    form = with_format(form, format)
+    return await join(request, state, with_format(form, format))
+
+
+async def join(
+    request: Request, state: AppState, form: MosaicForm, answer: PageAnswer = answer_page
+) -> Response:
+    """Response of `answer` with the page that `form` asks for, now or as a job."""
     encoding = await choose_encoding(request, form, form.images[0])
     parameters = form.parameters()
     language = chosen_language(form.language, state.settings)
@@ -72,6 +78,6 @@ async def mosaic(
             progress=progress,
         )
         request.state.seat.release()
-        return await answer_page(request, reply, form.images[0], "-mosaic")
+        return await answer(request, reply, form.images[0], "-mosaic")
 
     return await answer_now_or_later(request, state, work)

@@ -1,5 +1,6 @@
 """Responses with a page: their format, headers and documentation."""
 
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -32,6 +33,8 @@ from services.contract.images import (
     SeveralFormat,
 )
 
+PageAnswer = Callable[[Request, PageReply, UploadFile, str], Awaitable[Response]]
+"""Makes a response: see `answer_page`."""
 Documentation = dict[int | str, dict[str, Any]]
 
 BINARY = {"schema": {"type": "string", "format": "binary"}}
@@ -66,7 +69,7 @@ _PAGES_HEADERS = {
         "schema": {"type": "string"},
     },
 }
-_PROBLEMS = ("not-acceptable", "conflict", "no-text", "internal", *FORM, *IMAGE, *WORK)
+PROBLEMS = ("not-acceptable", "conflict", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
 
 class AskedPicture(Protocol):
@@ -127,7 +130,7 @@ def documented_page(
             },
         },
         **ACCEPTED,
-        **documented(*_PROBLEMS, *problems),
+        **documented(*PROBLEMS, *problems),
     }
 
 
@@ -180,15 +183,20 @@ def flat_pages(reply: PageReply) -> list[RectifyResult]:
     return [reply.answer]
 
 
+def add_failed_pages(request: Request, reply: PageReply) -> None:
+    """Put the problems of pages that failed among the pages of the answer."""
+    if isinstance(reply.answer, PagesResult):
+        for each in reply.failed:
+            problem = described_problem(each.code, each.detail, each.field, request.state.request_id)
+            reply.answer.pages.insert(each.place, FailedPage(problem=problem))
+
+
 async def answer_page(request: Request, reply: PageReply, photo: UploadFile, suffix: str) -> Response:
     """Response with the image and its headers, or with its description.
 
     A saved image gets the file name of `photo` with `suffix`.
     """
-    if isinstance(reply.answer, PagesResult):
-        for each in reply.failed:
-            problem = described_problem(each.code, each.detail, each.field, request.state.request_id)
-            reply.answer.pages.insert(each.place, FailedPage(problem=problem))
+    add_failed_pages(request, reply)
     if reply.media_type == JSON:
         return await answer_json(lambda: reply.answer, headers={"Vary": "Accept"})
     headers = image_headers(reply.answer) | {"Vary": "Accept"}

@@ -12,11 +12,17 @@ from app.http.ocr_languages import chosen_language
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
 from app.routes.kept_pages import keep_photos
 from app.routes.long_work import PREFER, answer_now_or_later
-from app.routes.page_answers import answer_page, choose_pages_encoding, documented_page, flat_pages
+from app.routes.page_answers import (
+    PageAnswer,
+    answer_page,
+    choose_pages_encoding,
+    documented_page,
+    flat_pages,
+)
 from app.routes.pages_in_time import flatten_pages
 from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import RectifyForm
-from app.state import State
+from app.state import AppState, State
 from app.storage.camera_memory import keep_cameras, known_cameras
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import Encoding
@@ -71,7 +77,13 @@ async def rectify(
 
     With preview=true and format=json, an app gets mesh, outline and advice while the camera is still on the page.
     """
-    form = with_format(form, format)
+    return await flatten(request, state, with_format(form, format))
+
+
+async def flatten(
+    request: Request, state: AppState, form: RectifyForm, answer: PageAnswer = answer_page
+) -> Response:
+    """Response of `answer` with the pages that `form` asks for, now or as a job."""
     settings = state.settings
     await check_photos(form.image, settings)
     encoding = await choose_pages_encoding(request, form, form.image[0])
@@ -103,7 +115,7 @@ async def rectify(
             await keep_cameras(state.store, caller, flat_pages(reply))
         if parameters.keep_photo:
             await keep_photos(state, caller, reply, [photo.filename for photo in form.image])
-        return await answer_page(request, reply, form.image[0], "-flat")
+        return await answer(request, reply, form.image[0], "-flat")
 
     return await answer_now_or_later(request, state, work)
 
