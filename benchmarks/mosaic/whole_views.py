@@ -133,6 +133,32 @@ def joint_errors_percent(result: MosaicResult, photos: Sequence[SimulatedPhoto])
     return errors_percent(np.concatenate(shown), np.concatenate(page), photos[0].truth.page.width)
 
 
+def pose_errors_deg(result: MosaicResult, photos: Sequence[SimulatedPhoto]) -> tuple[float, float] | None:
+    """Largest error of a camera's turn against the reference's, and median error of the sheet's normals, degrees.
+
+    None where the photos were not laid on one sheet.
+    """
+    sheet = result.surface
+    if sheet is None:
+        return None
+    cameras = {index: patch.camera for index, patch in enumerate(result.patches) if patch.camera is not None}
+    first = photos[sheet.reference].truth
+    turns = []
+    for index, camera in cameras.items():
+        true = photos[index].truth.pose.rotation() @ first.pose.rotation().T
+        cosine = 0.5 * (np.trace(np.array(camera.rotation) @ true.T) - 1)
+        turns.append(float(np.degrees(np.arccos(np.clip(cosine, -1, 1)))))
+    X, camera = np.array(sheet.nodes), cameras[sheet.reference]
+    middles = 0.25 * (X[:-1, :-1] + X[1:, :-1] + X[:-1, 1:] + X[1:, 1:]).reshape(-1, 3)
+    along, down = X[1:, 1:] - X[:-1, :-1], X[1:, :-1] - X[:-1, 1:]
+    normals = np.cross(along, down).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    seen = camera.focal_length_px * middles[:, :2] / middles[:, 2:] + camera.principal_point
+    on_page = first.on_page(seen)
+    cosines = np.einsum("ni,ni->n", normals[on_page], first.normals(seen[on_page]))
+    return max(turns), float(np.degrees(np.median(np.arccos(np.clip(cosines, -1, 1)))))
+
+
 def measure(photos: Sequence[SimulatedPhoto]) -> dict[str, float]:
     """Figures of one set; CPU s of the joint answer over those of all single ones."""
     begin = time.process_time()
@@ -144,12 +170,15 @@ def measure(photos: Sequence[SimulatedPhoto]) -> dict[str, float]:
         return {"best_percent": best, "joint_percent": _LOST, "joint_95_percent": _LOST}
     spent = time.process_time() - between
     median, most = joint_errors_percent(result, photos)
+    pose = pose_errors_deg(result, photos)
+    sheet = {} if pose is None else {"turn_deg": pose[0], "normals_deg": pose[1]}
     return {
         "best_percent": best,
         "joint_percent": median,
         "joint_95_percent": most,
         "unplaced": float(len(result.unplaced)),
         "cpu_ratio": spent / (between - begin),
+        **sheet,
     }
 
 
@@ -166,7 +195,12 @@ def main(arguments: Sequence[str]) -> int:
         found = figures[case.name] = measure(photograph(case, pages))
         print(
             f"{case.name:12s} {case.photos} photos  best single {found['best_percent']:.3f} %  joint "
-            f"{found['joint_percent']:.3f}, 95 % {found['joint_95_percent']:.3f}  CPU {found.get('cpu_ratio', 0):.2f}",
+            f"{found['joint_percent']:.3f}, 95 % {found['joint_95_percent']:.3f}  CPU {found.get('cpu_ratio', 0):.2f}"
+            + (
+                f"  turn {found['turn_deg']:.2f} deg, normals {found['normals_deg']:.2f}"
+                if "turn_deg" in found
+                else ""
+            ),
             flush=True,
         )
     for kind in (*KINDS, ""):
@@ -174,8 +208,10 @@ def main(arguments: Sequence[str]) -> int:
         if rows:
             worse = np.array([row["joint_percent"] - row["best_percent"] for row in rows])
             joint = [row["joint_percent"] for row in rows]
+            ends = np.median([row["joint_95_percent"] for row in rows])
             print(
-                f"{len(rows)} sets {kind:9s}: joint median {np.median(joint):.3f} %, largest {max(joint):.3f}; worse "
+                f"{len(rows)} sets {kind:9s}: joint median {np.median(joint):.3f} %, largest {max(joint):.3f}, "
+                f"95th percentiles {ends:.3f} (median); worse "
                 f"than the best single by over 0.03: {np.sum(worse > 0.03)}, by over 0.1: {np.sum(worse > 0.1)}"
             )
     report, fine = judge(BASELINE / f"{NAME}.json", figures, METRICS, update=asked.update_baseline)

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from services.arrays import Homography
-from services.contract.answers.mosaic import Pair
+from services.arrays import Homography, Vector
+from services.contract.answers.mosaic import Pair, SheetCamera, SheetSurface
 from services.errors import DocumentError
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.hidden_parts import HiddenPart
@@ -14,6 +14,7 @@ from services.mosaic.patch_mesh import mesh_of_patch, scale_of_patch
 from services.mosaic.photo_graph import connect_photos, overlap_fraction
 from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing.adjustment import residual_px
+from services.mosaic.placing.joint_sheet import JointSheet
 from services.mosaic.placing.placed_part import PlacedPart
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.results import Patch
@@ -21,6 +22,8 @@ from services.notices import Notice
 
 LEAST_GLARE = 0.005
 """Share of the page that glare hides in all photos, from which a person is told: about a line of text."""
+DESCRIBED_COLUMNS = 25
+"""Most columns of nodes of a sheet in the answer, as of creased sheets in that of /rectify."""
 
 
 def describe_patches(
@@ -29,6 +32,7 @@ def describe_patches(
     sharpness: Sequence[float],
     covered: Sequence[float],
     H_final_mosaic: Homography,
+    joint: JointSheet | None = None,
 ) -> tuple[Patch, ...]:
     """One patch for each of `count` photos. Meshes are in the pixels of the final page, after crop and rotation.
 
@@ -44,6 +48,8 @@ def describe_patches(
         Shares of the placed photos that are hidden, as in `describe_covers`.
     H_final_mosaic
         Mosaic pixels -> final page.
+    joint
+        The sheet that all of them show, if they were laid on one.
     """
     patches = [Patch(False)] * count
     for photo, sharp, share in zip(placed, sharpness, covered, strict=True):
@@ -54,6 +60,7 @@ def describe_patches(
             scale_of_patch(photo.flat, final),
             sharp,
             share,
+            None if joint is None else describe_camera(joint, photo.flat),
         )
     return tuple(patches)
 
@@ -72,6 +79,40 @@ def describe_covers(
         "without the lamp."
     )
     return covered, [Notice("glare", detail)]
+
+
+def describe_camera(joint: JointSheet, photo: FlatPhoto) -> SheetCamera:
+    """The camera of a photo before the joint sheet, lengths in its widths."""
+    assert photo.page is not None
+    camera, view = joint.cameras[photo.index], photo.page.view
+    first, second, third = (_space(row) for row in camera.rotation)
+    return SheetCamera(
+        focal_length_px=round(camera.focal * view.unit_px, 2),
+        principal_point=view.centre,
+        rotation=(first, second, third),
+        translation=_space(camera.translation / joint.mesh.size[0]),
+    )
+
+
+def describe_sheet(joint: JointSheet, photos: Mapping[int, FlatPhoto]) -> SheetSurface:
+    """The sheet that all photos show."""
+    page = photos[joint.reference].page
+    assert page is not None
+    mesh = joint.mesh.resampled(min(joint.mesh.columns, DESCRIBED_COLUMNS))
+    return SheetSurface(
+        kind="creased" if joint.fitted or page.shape.ends_at_sides else "smooth",
+        reference=joint.reference,
+        fitted=joint.fitted,
+        residual_text_heights=round(joint.residual, 4),
+        rows=mesh.rows,
+        columns=mesh.columns,
+        nodes=[[_space(node / mesh.size[0]) for node in row] for row in mesh.nodes],
+    )
+
+
+def _space(vector: Vector) -> tuple[float, float, float]:
+    x, y, z = np.round(vector, 6).tolist()
+    return x, y, z
 
 
 def describe_pairs(flats: Mapping[int, FlatPhoto], part: PlacedPart) -> tuple[Pair, ...]:

@@ -6,8 +6,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from services.arrays import GrayImage, Mask, Points, RgbImage, Vector
+from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import Frame
+from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
+from services.sheet.evidence import PageEvidence
+from services.sheet.shape import PageShape
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenPage:
+    """The shape of a page as one photo shows it, the evidence for it, and what was known of the camera beforehand."""
+
+    shape: PageShape
+    evidence: PageEvidence
+    focal_prior: FocalPrior
+
+    @property
+    def view(self) -> PhotoFrame:
+        """Frame of the photo, which shape and evidence are in."""
+        return self.evidence.view
+
+    @property
+    def text_height_px(self) -> float:
+        """Typical size of the characters in photo pixels."""
+        return self.evidence.text.height_px
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +53,7 @@ class FlatPhoto:
     notices : notices about the photo for the result.
     sheet : (N, 2) photo pixels, outline of the sheet if its edge is visible against the background; else None.
     error_percent : RMS error of the view to expect, percent of its width; None where nothing shows it.
+    page : the page as the photo shows it; None where the photo was taken as flat.
     """
 
     index: int
@@ -43,6 +67,7 @@ class FlatPhoto:
     notices: tuple[Notice, ...] = ()
     sheet: Points | None = None
     error_percent: float | None = None
+    page: SeenPage | None = None
 
     @property
     def size(self) -> tuple[int, int]:

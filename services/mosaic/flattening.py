@@ -8,12 +8,14 @@ import numpy as np
 from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
+from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
-from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.outside_text import is_outside_text, of_text_height
+from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import find_page
@@ -75,7 +77,20 @@ def flatten_photo(
         flatness = measure_flatness(page, frame)
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     error_percent = None if flatness is None else flatness.error_percent
-    return replace(flat, notices=notices, sheet=sheet, error_percent=error_percent)
+    prior = requested_prior(page.view, known, exif_focal_length_px)
+    if (
+        page.shape.focal_source != prior.source
+    ):  # the page contradicts it, or showed it better than a typical one
+        prior = typical_focal_prior()
+    seen = SeenPage(page.shape, analysis.evidence(page.view), prior)
+    return replace(flat, notices=notices, sheet=sheet, error_percent=error_percent, page=seen)
+
+
+def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
+    """The photo of `flat` in another view of its page."""
+    assert flat.page is not None
+    again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight)
+    return replace(again, notices=flat.notices, sheet=flat.sheet, page=flat.page)
 
 
 def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:

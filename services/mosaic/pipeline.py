@@ -21,6 +21,7 @@ from services.mosaic.evidence import (
     describe_covers,
     describe_pairs,
     describe_patches,
+    describe_sheet,
     duplicate_notices,
     notices_of,
     unplaced_notices,
@@ -87,6 +88,7 @@ def mosaic(
             part = place_photos(flats, pairs, parameters.base)
         except NotOverlapping as refusal:
             raise explain_refusal(refusal, textless, len(kept)) from None
+        flats |= part.photos  # those of one bent sheet have views of it
         joined = None if parameters.rectify else join_whole_pixels(flats, part)
     if joined is None:
         with clock.stage("illumination"):
@@ -110,7 +112,7 @@ def mosaic(
             orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
     turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)
     H_final_mosaic = np.linalg.inv(turn) @ translation(-corner[0], -corner[1])
-    patches = describe_patches(len(photos), placed, sharpness, covered, H_final_mosaic)
+    patches = describe_patches(len(photos), placed, sharpness, covered, H_final_mosaic, part.joint)
     unplaced = tuple(index for index, patch in enumerate(patches) if not patch.placed)
     notices = [
         *notices,
@@ -127,6 +129,7 @@ def mosaic(
         orientation,
         (*notices, notice) if notice else tuple(notices),
         clock.timings_ms,
+        None if part.joint is None else describe_sheet(part.joint, flats),
     )
 
 

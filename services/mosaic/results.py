@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
-from services.contract.answers.mosaic import Pair
+from services.contract.answers.mosaic import Pair, SheetCamera, SheetSurface
 from services.notices import Notice
 from services.rectify.results import Orientation
 
@@ -22,6 +22,7 @@ class Patch:
     scale : mosaic pixels per photo pixel at the centre of the shown part.
     sharpness : mean gradient magnitude of its print relative to the sharpest photo, in (0, 1].
     covered_fraction : share of its part of the page that glare, a shadow or a finger hides, and another photo shows.
+    camera : the photo's camera before the page's `surface`; None where each photo was flattened by itself.
     """
 
     placed: bool
@@ -29,11 +30,15 @@ class Patch:
     scale: float | None = None
     sharpness: float | None = None
     covered_fraction: float | None = None
+    camera: SheetCamera | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MosaicResult:
-    """The whole page. `base` is the photo where the composition started; `unplaced` are indices of photos."""
+    """The whole page. `base` is the photo where the composition started; `unplaced` are indices of photos.
+
+    `surface` is the bent sheet that all photos show; None where each was flattened by itself.
+    """
 
     image: RgbImage
     base: int
@@ -43,3 +48,4 @@ class MosaicResult:
     orientation: Orientation
     warnings: tuple[Notice, ...] = ()
     timings_ms: dict[str, float] = field(default_factory=dict)
+    surface: SheetSurface | None = None

@@ -126,6 +126,7 @@ def describe_mosaic(result: MosaicResult) -> answers.MosaicResult:
         orientation=describe_orientation(result.orientation, None),
         patches=[_describe_patch(patch) for patch in result.patches],
         pairs=list(result.pairs),
+        surface=result.surface,
         unplaced=list(result.unplaced),
         warnings=describe_warnings(result.warnings),
         timings_ms={},
@@ -143,4 +144,5 @@ def _describe_patch(patch: Patch) -> answers.Patch:
         scale=rounded(patch.scale),
         sharpness=rounded(patch.sharpness),
         covered_fraction=rounded(patch.covered_fraction),
+        camera=patch.camera,
     )

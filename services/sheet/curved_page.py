@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from services.arrays import Points, Vector
+from services.arrays import Floats, Points, Vector
 from services.contract.rectify import Crop
 from services.geometry.focal_prior import (
     FOCAL,
@@ -110,6 +110,10 @@ class CurvedPage:
     def log_focal_deviation(self) -> float:
         """See `PageShape`."""
         return self.fitted.log_focal_deviation
+
+    def in_space(self, centred: Points) -> Floats:
+        """See `PageShape`."""
+        return self.fitted.surface.unroll(centred).X
 
     def surface(self, view: PhotoFrame) -> StripsSurface:
         """See `PageShape`."""

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from services.arrays import Points, Vector
+from services.arrays import Floats, Points, Vector
 from services.contract.rectify import Crop
 from services.geometry.focal_prior import FocalLengthSource, FocalPrior
 from services.geometry.page_map import PageMap
@@ -69,7 +69,8 @@ MAX_SIDE = 0.012
 class RidgedPage:
     """The map that flattens a creased page, and the evidence for it; see `PageShape`.
 
-    `page_map` is that of its `mesh`, with a small field for the waves of lines that its cells are too coarse for.
+    `page_map` is that of its `mesh`, with a small field for the waves of lines that its cells are too coarse for;
+    `observed` is what the mesh was fitted to (None: it is only a start).
     `line_straightness` is the RMS deviation of its lines from straight ones, in text heights, NaN if unknown;
     `side_deviation` the RMS distance of the outline from the mesh's border, in photo units, `stretch` the RMS relative
     change of the lengths of the mesh's edges.
@@ -78,6 +79,7 @@ class RidgedPage:
     mesh: SheetMesh
     page_map: PageMap
     focal_source: FocalLengthSource
+    observed: SheetObservations | None = None
     line_count: int = 0
     line_straightness: float = float("nan")
     side_deviation: float = 0.0
@@ -100,6 +102,12 @@ class RidgedPage:
     def sources(self) -> tuple[ShapeSource, ...]:
         """See `PageShape`."""
         return ("outline", "text") if self.line_count else ("outline",)
+
+    def in_space(self, centred: Points) -> Floats:
+        """See `PageShape`."""
+        grid = self.mesh.locate(centred)
+        known = np.isfinite(grid).all(axis=1, keepdims=True)
+        return np.where(known, self.mesh.place(np.nan_to_num(grid)).X, np.nan)
 
     def surface(self, view: PhotoFrame) -> MeshSurface:
         """See `PageShape`."""
@@ -238,11 +246,12 @@ def estimate_ridged_page(
         reason = _implausibility(mesh, sides)
     if reason is not None:
         return NoShape(reason)
-    page_map, lines = _without_waves(mesh, lines, trace)
+    page_map, lines = without_waves(mesh, lines, trace)
     return RidgedPage(
         mesh,
         page_map,
         prior.source,
+        replace(seen, lines=lines),
         lines.count // 2,
         measure_straightness(page_map, lines),
         _side_deviation(mesh, sides),
@@ -250,7 +259,7 @@ def estimate_ridged_page(
     )
 
 
-def _without_waves(
+def without_waves(
     mesh: SheetMesh, lines: LineObservations, trace: Callable[[PageMap], LineObservations] | None
 ) -> tuple[PageMap, LineObservations]:
     """The map of the mesh, lines that still wave drawn straight by a small field, and the lines; its border stays."""

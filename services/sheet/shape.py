@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from services.arrays import Points
+from services.arrays import Floats, Points
 from services.contract.rectify import Crop
 from services.geometry.focal_prior import FocalLengthSource
 from services.geometry.page_frame import Frame
@@ -76,6 +76,9 @@ class PageShape(Protocol):
     @property
     def ends_at_sides(self) -> bool:
         """Whether the flat page is the whole sheet, and ends at its sides."""
+
+    def in_space(self, centred: Points) -> Floats:
+        """Points (N, 3) of the sheet that are seen at photo points (N, 2), camera frame; NaN where it ends."""
 
     def surface(self, view: PhotoFrame) -> Surface:
         """The surface as the answer describes it, in pixels of the photo."""

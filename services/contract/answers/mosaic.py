@@ -1,5 +1,7 @@
 """The answer of POST /mosaic."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from services.contract.answers.page import Answer, Embedded, EmbeddedMediaType, Orientation, Point, Warning
@@ -15,6 +17,41 @@ class PatchMesh(Answer):
     rows: int = Field(ge=2)
     columns: int = Field(ge=2)
     target: list[list[Point]]
+
+
+Space = tuple[float, float, float]
+
+
+class SheetCamera(Answer):
+    """The camera of a photo of one bent sheet. Lengths in space are in widths of the sheet.
+
+    A point X of the sheet is at (x, y, z) = `rotation` X + `translation` in the camera's frame (x right, y down, z
+    forward), and seen at `principal_point` + `focal_length_px` (x / z, y / z).
+    """
+
+    focal_length_px: float = Field(gt=0)
+    principal_point: Point = Field(description="Photo pixels.")
+    rotation: tuple[Space, Space, Space] = Field(description="Rows of the rotation matrix.")
+    translation: Space
+
+
+class SheetSurface(Answer):
+    """The bent sheet that all photos of the page show, as a mesh with a regular grid of nodes on the flat sheet."""
+
+    kind: Literal["smooth", "creased"]
+    reference: int = Field(ge=0, description="Index of the photo in whose camera frame the nodes are.")
+    fitted: bool = Field(
+        description="true: the sheet was fitted to all photos; false: it is that of the reference photo alone, which "
+        "the others confirm."
+    )
+    residual_text_heights: float = Field(
+        ge=0,
+        description="Median distance between where the photo that fits worst shows points of the sheet, and where its "
+        "camera should see them.",
+    )
+    rows: int = Field(ge=2)
+    columns: int = Field(ge=2)
+    nodes: list[list[Space]] = Field(description="Rows of nodes in space, in widths of the sheet.")
 
 
 class Patch(Answer):
@@ -34,6 +71,7 @@ class Patch(Answer):
         le=1,
         description="Share of its part of the page that glare, a shadow or a finger hides, and that other photos show.",
     )
+    camera: SheetCamera | None = Field(default=None, description="Its camera, if the page has a `surface`.")
 
 
 class Pair(Answer):
@@ -57,6 +95,11 @@ class MosaicResult(Answer):
     orientation: Orientation
     patches: list[Patch] = Field(description="One for each photo, in the order of the upload.")
     pairs: list[Pair]
+    surface: SheetSurface | None = Field(
+        default=None,
+        description="The bent sheet that all photos of the page show; null: it is flat, or each photo was flattened by "
+        "itself.",
+    )
     unplaced: list[int] = Field(description="Photos that could not be placed; `warnings` say why.")
     text: PageText | None = Field(
         default=None, description="The text, if it was asked for; its words have no places in the photos."

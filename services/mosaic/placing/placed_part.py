@@ -1,12 +1,17 @@
 """Placement of photos on the page, from their pairs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from services.arrays import Homography
 from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flattening import view_again
 from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placing.adjustment import adjust_globally
 from services.mosaic.placing.frontal_frame import agree_on_frontal_frame
+from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
 from services.mosaic.registration.pair_registration import PairRegistration
@@ -14,13 +19,18 @@ from services.mosaic.registration.pair_registration import PairRegistration
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedPart:
-    """The photos of the page, by index, placed in the pixels of a page of `width` x `height`."""
+    """The photos of the page, by index, placed in the pixels of a page of `width` x `height`.
+
+    `joint` is the sheet that all of them show, through whose views they are drawn; None where each has its own.
+    """
 
     base: int
+    photos: Mapping[int, FlatPhoto]
     placements: Mapping[int, Placement]
     pairs: tuple[PairRegistration, ...]
     width: int
     height: int
+    joint: JointSheet | None = None
 
 
 def place_photos(
@@ -28,6 +38,7 @@ def place_photos(
 ) -> PlacedPart:
     """The part of the photos that becomes the page, with all placements adjusted together.
 
+    Photos that show one bent sheet are laid on it.
     Pairs that contradict the others are left out, and photos that are connected only by them.
 
     Raises
@@ -45,8 +56,52 @@ def place_photos(
         if not contradicted:
             break
         agreeing = tuple(pair for pair in agreeing if (pair.a, pair.b) not in contradicted)
-    frontal = agree_on_frontal_frame({index: photos[index] for index in part}, adjustment.H_world_flat)
-    H_mosaic_flat = {index: frontal.H_mosaic_world @ adjustment.H_world_flat[index] for index in part}
-    warp = estimate_residual_warp({index: photos[index] for index in part}, H_mosaic_flat, within)
-    placements = {index: Placement(H_mosaic_flat[index], warp.displacements[index]) for index in part}
-    return PlacedPart(chosen, placements, within, frontal.width, frontal.height)
+    members = {index: photos[index] for index in part}
+    placed = _place(chosen, members, adjustment.H_world_flat, within)
+    joint = find_joint_sheet(members, within, placed.placements)
+    if joint is not None:
+        members, within = _lay_on_sheet(joint, members, within)
+        placed = replace(_place(chosen, members, dict.fromkeys(part, np.eye(3)), within), joint=joint)
+    H_mosaic_flat = {index: placement.H_mosaic_flat for index, placement in placed.placements.items()}
+    warp = estimate_residual_warp(members, H_mosaic_flat, within)
+    placements = {index: Placement(H, warp.displacements[index]) for index, H in H_mosaic_flat.items()}
+    return replace(placed, placements=placements)
+
+
+def _place(
+    base: int,
+    photos: Mapping[int, FlatPhoto],
+    H_world_flat: Mapping[int, Homography],
+    pairs: tuple[PairRegistration, ...],
+) -> PlacedPart:
+    """The photos in the frontal frame of the page, without displacements."""
+    frontal = agree_on_frontal_frame(photos, H_world_flat)
+    placements = {index: Placement(frontal.H_mosaic_world @ H_world_flat[index]) for index in photos}
+    return PlacedPart(base, photos, placements, pairs, frontal.width, frontal.height)
+
+
+def _lay_on_sheet(
+    joint: JointSheet, photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration]
+) -> tuple[dict[int, FlatPhoto], tuple[PairRegistration, ...]]:
+    """The photos in the views of one sheet, whose flat pixels they share, and the matches in these."""
+    laid = {}
+    for index, photo in photos.items():
+        assert photo.page is not None
+        laid[index] = view_again(photo, joint.frame(index, photo.page.view))
+    moved = []
+    for pair in pairs:
+        ends = [
+            laid[index].frame.to_flat(photos[index].to_photo(points))
+            for index, points in ((pair.a, pair.points_a), (pair.b, pair.points_b))
+        ]
+        known = np.isfinite(np.concatenate(ends, axis=1)).all(axis=1)
+        moved.append(
+            replace(
+                pair,
+                H_a_b=np.eye(3),
+                points_a=ends[0][known],
+                points_b=ends[1][known],
+                weights=pair.weights[known],
+            )
+        )
+    return laid, tuple(moved)

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from services.arrays import Homography, Points
+from services.arrays import Floats, Homography, Points
 from services.contract.rectify import Crop
 from services.geometry.focal_prior import FocalLengthSource
 from services.geometry.homographies import transform_points, translation
@@ -57,6 +57,10 @@ class PhotoAsPage:
     def page_map(self) -> PlaneMap:
         """See `PageShape`."""
         return PlaneMap(self.H_centred_plane)
+
+    def in_space(self, centred: Points) -> Floats:
+        """See `PageShape`."""
+        return np.column_stack([centred, np.full(len(centred), self.focal)])
 
     def surface(self, view: PhotoFrame) -> PlaneSurface:
         """See `PageShape`."""

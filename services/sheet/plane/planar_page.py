@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from services.arrays import Points
+import numpy as np
+
+from services.arrays import Floats, Points
 from services.contract.rectify import Crop
 from services.geometry.focal_prior import FocalLengthSource
 from services.geometry.page_frame import TEXT_FRAMING
@@ -52,6 +54,14 @@ class PlanarPage:
     def focal(self) -> float:
         """See `PageShape`."""
         return self.plane.focal
+
+    def in_space(self, centred: Points) -> Floats:
+        """See `PageShape`."""
+        sight = np.column_stack([centred, np.full(len(centred), self.focal)])
+        normal = self.plane.rotation[:, 2]
+        away = sight @ normal * np.sign(normal[2])
+        depth = self.focal * abs(normal[2]) / np.where(away > 0, away, np.nan)
+        return np.asarray(sight * depth[:, None])
 
     def surface(self, view: PhotoFrame) -> PlaneSurface:
         """See `PageShape`."""

@@ -1,6 +1,6 @@
 """Fit of a creased sheet: reweighted least squares by Levenberg's and Marquardt's method, coarse to fine."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -10,17 +10,19 @@ from services.sheet.ridged.blocks import robust, stacked
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.normal_equations import normal_equations
 from services.sheet.ridged.observations import SheetObservations
-from services.sheet.ridged.parameters import EVALUATIONS, MAX_DAMPING, RidgedParameters
+from services.sheet.ridged.parameters import MAX_DAMPING, RidgedParameters
 from services.sheet.ridged.residuals import SheetResiduals
+from services.sheet.ridged.views import OtherView
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedMesh:
-    """The fitted mesh, the cost it was found at, and how often the residuals were computed."""
+    """The fitted mesh, the cost it was found at, how often the residuals were computed, and the other views."""
 
     mesh: SheetMesh
     cost: float
     evaluations: int
+    views: tuple[OtherView, ...] = ()
 
 
 def fit_mesh(start: SheetMesh, observed: SheetObservations, p: RidgedParameters) -> FittedMesh:
@@ -30,7 +32,8 @@ def fit_mesh(start: SheetMesh, observed: SheetObservations, p: RidgedParameters)
         residuals = SheetResiduals(mesh.resampled(stage.cells + 1), observed, p, stage)
         x, cost, used = _minimize(residuals, p)
         mesh, count = residuals.mesh(x), count + used
-    return FittedMesh(mesh, cost, count)
+        observed = replace(observed, views=residuals.views(x))
+    return FittedMesh(mesh, cost, count, observed.views)
 
 
 def _minimize(residuals: SheetResiduals, p: RidgedParameters) -> tuple[Vector, float, int]:
@@ -39,7 +42,7 @@ def _minimize(residuals: SheetResiduals, p: RidgedParameters) -> tuple[Vector, f
     cost, values, jacobian = _linearize(residuals, x)
     equations = normal_equations(jacobian, values, order, border)
     damping, growth, count = 1e-3, 4.0, 1
-    while count < EVALUATIONS and damping < MAX_DAMPING:
+    while count < p.evaluations and damping < MAX_DAMPING:
         diagonal = equations.diagonal
         step = equations.solve(damping * diagonal + 1e-9 * float(diagonal.max()))
         count += 1

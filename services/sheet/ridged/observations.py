@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from services.arrays import Points, Vector
 from services.sheet.developable.observations import LineObservations
+from services.sheet.ridged.views import OtherView
 from services.texture_flow.field import FlowSamples
 
 
@@ -29,3 +30,4 @@ class SheetObservations:
     log_focal: float
     focal_deviation: float
     flow: FlowSamples | None = None
+    views: tuple[OtherView, ...] = ()

@@ -35,8 +35,6 @@ MARGIN = 0.4
 LEAST_SIDE = 0.0006
 """Photo units, least deviation of a side's point; else it has its own: the side of a sheet is cut as straight as
 that, and not found better."""
-EVALUATIONS = 12
-"""Of each of these fits."""
 MAX_DAMPING = 1e6
 """Of a step, relative to the diagonal: beyond it no step helps."""
 
@@ -52,5 +50,7 @@ class RidgedParameters:
         Stage(12, 10.0, 3.0, 3.0),
         Stage(24, 1.0, 1.0, 1.0),
     )
+    evaluations: int = 12
+    """Of each stage, at most."""
     gain: float = 3e-3
     """Relative decrease of the cost below which a stage ends."""

@@ -32,6 +32,7 @@ from services.sheet.ridged.parameters import (
     RidgedParameters,
     Stage,
 )
+from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherView, view_residuals
 
 FLOW_PROBE = 0.01
 """Photo units from a sample of the flow to the points that show its direction."""
@@ -66,6 +67,7 @@ class SheetResiduals:
             *(s.points for s in sides),
             flow - FLOW_PROBE * along,
             flow + FLOW_PROBE * along,
+            *(view.points for view in observed.views),
         ]
         self.points = np.concatenate(parts)
         self.slices = _slices([len(part) for part in parts])
@@ -121,7 +123,8 @@ class SheetResiduals:
             ]
         )
         self.spacings_at = self.globals_at + 3 + len(lines.margins)
-        self.unknowns = self.spacings_at + len(self.start_spacings)
+        self.cameras_at = self.spacings_at + len(self.start_spacings)
+        self.unknowns = self.cameras_at + CAMERA_UNKNOWNS * len(observed.views)
         self.border = self.unknowns - self.globals_at
         self._paper = PaperResiduals(start, p, stage, self.globals_at + 1)
 
@@ -129,8 +132,16 @@ class SheetResiduals:
     def x0(self) -> Vector:
         """The start as a vector of unknowns."""
         ends = [np.log(self.start.focal), np.log(self.start.aspect), SLANT_MEAN_RAD]
+        cameras = [view.start for view in self.observed.views]
         return np.concatenate(
-            [self.start.nodes.ravel(), self.start_levels, ends, self.start_margins, self.start_spacings]
+            [
+                self.start.nodes.ravel(),
+                self.start_levels,
+                ends,
+                self.start_margins,
+                self.start_spacings,
+                *cameras,
+            ]
         )
 
     @property
@@ -145,6 +156,17 @@ class SheetResiduals:
         nodes = x[: self.node_unknowns].reshape(self.start.nodes.shape)
         focal, aspect = (float(np.exp(v)) for v in x[self.globals_at : self.globals_at + 2])
         return replace(self.start, nodes=nodes, focal=focal, aspect=aspect)
+
+    def views(self, x: Vector) -> tuple[OtherView, ...]:
+        """The other views with the cameras of the unknowns `x`."""
+        return tuple(
+            replace(view, camera=view.camera.moved(x[self._camera(k)]))
+            for k, view in enumerate(self.observed.views)
+        )
+
+    def _camera(self, number: int) -> slice:
+        begin = self.cameras_at + CAMERA_UNKNOWNS * number
+        return slice(begin, begin + CAMERA_UNKNOWNS)
 
     def blocks(self, x: Vector) -> list[ResidualBlock]:
         """All residuals at `x`, before any loss."""
@@ -161,6 +183,7 @@ class SheetResiduals:
             self._strokes(x, mesh, grid, known, to_columns, to_rows),
             self._flow(mesh, grid, known, to_columns, to_rows),
             *self._sides(grid, known, to_columns, to_rows),
+            *self._other_views(x, mesh, grid),
             self._paper.stretch(x),
             *self._paper.bends(x),
             self._priors(x),
@@ -304,11 +327,24 @@ class SheetResiduals:
             found.append(ResidualBlock(values, by_nodes.scaled(1 / deviation), 1))
         return found
 
+    def _other_views(self, x: Vector, mesh: SheetMesh, grid: Points) -> list[ResidualBlock]:
+        """Other photos show the points that they share with this one where their cameras see the sheet."""
+        found = []
+        for k, view in enumerate(self.observed.views):
+            placed, camera = mesh.place(grid[self.slices[10 + k]]), self._camera(k)
+            found.append(view_residuals(view, x[camera], placed, mesh.focal, self.globals_at, camera.start))
+        return found
+
     def _priors(self, x: Vector) -> ResidualBlock:
-        """Priors of focal length, slant and aspect, the last one weak."""
-        at = self.globals_at + np.arange(3)
-        deviation = np.array([self.observed.focal_deviation, 1.0, np.deg2rad(0.4)])
-        mean = np.array([self.observed.log_focal, np.log(self.start.aspect), SLANT_MEAN_RAD])
+        """Priors of focal lengths, slant and aspect, the last one weak."""
+        views = self.observed.views
+        others = [self._camera(k).stop - 1 for k in range(len(views))]
+        at = np.array([*(self.globals_at + np.arange(3)), *others], np.intp)
+        deviation = np.array(
+            [self.observed.focal_deviation, 1.0, np.deg2rad(0.4), *(view.focal_deviation for view in views)]
+        )
+        known = [view.log_focal for view in views]
+        mean = np.array([self.observed.log_focal, np.log(self.start.aspect), SLANT_MEAN_RAD, *known])
         return ResidualBlock((x[at] - mean) / deviation, single_entries(at, 1 / deviation), 0)
 
 
