@@ -164,5 +164,6 @@ def _describe_patch(patch: Patch) -> answers.Patch:
         mesh=mesh,
         scale=rounded(patch.scale),
         sharpness=rounded(patch.sharpness),
+        covered_fraction=rounded(patch.covered_fraction),
         camera=patch.camera,
     )

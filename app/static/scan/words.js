@@ -32,6 +32,7 @@ const WARNINGS = {
   "implausible-pose": "The shape is not certain. Look at the corners.",
   "reading-cut": "Not all of its text was read.",
   "facing-page": "A second page is in view. Choose two pages of a book before you add the photo, to have both.",
+  "glare": "Light is mirrored at the same place of all photos. One more photo from another side shows what is there.",
   "one-page": "Only one page was found in the photo.",
 };
 

@@ -65,6 +65,12 @@ class Patch(Answer):
     sharpness: float | None = Field(
         ge=0, le=1, description="Sharpness of its text relative to the sharpest photo."
     )
+    covered_fraction: float | None = Field(
+        default=None,
+        ge=0,
+        le=1,
+        description="Share of its part of the page that glare, a shadow or a finger hides, and that other photos show.",
+    )
     camera: SheetCamera | None = Field(default=None, description="Its camera, if the page has a `surface`.")
 
 
