@@ -296,7 +296,10 @@ def resize_kept_picture(picture: bytes, width: int) -> bytes:
 def render_results(
     pages: list[KeptResult], format: LayoutFormat, settings: LayoutSettings
 ) -> RenderedResults:
-    """Of every page its zones, the bytes of its picture, and the elements that settings name."""
+    """Of every page its zones, the bytes of its picture, and the elements that settings name; for XML its name."""
+    if format in ("pagexml", "alto"):
+        names = " | ".join(page.name for page in pages)
+        return RenderedResults(names.encode(), LAYOUT_MEDIA_TYPES[format])
     shown = [
         f"{len(page.document['zones'])} zones, {len(page.picture)} bytes, {dict(page.elements)}"
         for page in pages

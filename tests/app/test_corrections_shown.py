@@ -176,6 +176,7 @@ def check_shown(
         assert all(zone["label"] == (kept | said).get(name) for name, zone in zones.items())
 
     assert result["file_name"] == first["file_name"] is not None
+    assert all(f"{first['file_name']}".encode() in shown[name] for name in ("pagexml", "alto"))
     # The machine's word stands beside it where it differs, and nowhere else.
     assert (result["class"] or {"name": None})["name"] == verified
     found_class = first["class"] or {"name": None, "probability": first["unknown_probability"]}

@@ -65,6 +65,21 @@ def test_pages_have_the_names_of_their_images(client: httpx.Client) -> None:
     assert client.get(f"/layout/results/{answer['id']}").json() == answer
 
 
+def test_files_name_the_upload_where_its_pixels_are_the_pages(client: httpx.Client) -> None:
+    """Not where several pages are in one file, nor where the page was flattened: there ids are as good."""
+    for images, options, known in (
+        ([upload("pages-2"), upload("")], {}, [None, None, "page-1.png"]),
+        ([upload("")], {}, ["page-0.png"]),
+        ([upload("")], {"rectify": "true"}, [None]),
+    ):
+        answer = post(client, *images, **options).json()
+        ids = [page["id"] for page in answer.get("pages", [answer])]
+        names = [name or id for name, id in zip(known, ids, strict=True)]
+        for form in ("pagexml", "alto"):
+            file = client.get(f"/layout/results/{answer['id']}?format={form}")
+            assert file.text.split(" | ") == names
+
+
 def test_the_document_and_its_pages_are_kept(client: httpx.Client) -> None:
     answer = post(client, upload(""), upload("")).json()
     ids = {answer["id"], *(page["id"] for page in answer["pages"])}

@@ -126,13 +126,14 @@ def test_a_page_of_a_pdf_is_a_page(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_files_of_several_pages_come_in_an_archive(
     models: list[ModelDocument], form: Any, root: bytes
 ) -> None:
-    for uploads, names, told in (
-        ([tiff()], ("letter.tif",), "letter.tif#page=2"),
-        (PNGS, ("a.png", "b.png", "c.png"), "b.png"),
+    for uploads, names, told, places in (
+        ([tiff()], ("letter.tif",), "letter.tif#page=2", [0, 0, 0]),
+        (PNGS, ("a.png", "b.png", "c.png"), "b.png", [0, 1, 2]),
     ):
         reply = recognized(uploads, models, LayoutOptions(format=form, image_names=names))
         assert isinstance(reply, DocumentReply)
         assert reply.media_type == "application/zip"
+        assert [page.upload for page in reply.pages] == places
         with zipfile.ZipFile(io.BytesIO(reply.body)) as archive:
             assert archive.namelist() == ["page-01.xml", "page-02.xml", "page-03.xml"]
             texts = [archive.read(name) for name in archive.namelist()]
