@@ -136,8 +136,8 @@ def typescript_of(schemas: dict[str, Schema]) -> str:
     with TemporaryDirectory() as folder:
         source, made = Path(folder) / "answers.json", Path(folder) / "models.ts"
         source.write_text(json.dumps(document), encoding="utf-8")
-        program = [OPENAPI_TYPESCRIPT, source, "--root-types", "--root-types-no-schema-prefix", "-o", made]
-        subprocess.run(program, capture_output=True, check=True)
+        options = ("--root-types", "--root-types-no-schema-prefix", "-o", made)
+        subprocess.run((OPENAPI_TYPESCRIPT, source, *options), capture_output=True, check=True)
         return made.read_text("utf-8")
 
 

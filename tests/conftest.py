@@ -26,6 +26,7 @@ ROOT = Path(__file__).parent
 KIND_OF_FOLDER = {
     "app": "service",
     "benchmarks": "pipeline",
+    "clients": "service",
     "end_to_end": "end_to_end",
     "models": "service",
     "services/layout/discovery": "pipeline",

@@ -60,7 +60,7 @@ def flatten(photos: Sequence[Photo], format: str = "pdf", **options: Option) -> 
     OSError
         When a photo cannot be read.
     """
-    return Call("/rectify", _files("image", photos), _fields(options, format=format), read_file)
+    return Call("/rectify", _files("image", photos), _fields({**options, "format": format}), read_file)
 
 
 def flatten_pages(photos: Sequence[Photo], **options: Option) -> Call[PlainPagesResult]:
@@ -70,7 +70,7 @@ def flatten_pages(photos: Sequence[Photo], **options: Option) -> Call[PlainPages
 
 def mosaic(photos: Sequence[Photo], format: str = "pdf", **options: Option) -> Call[File]:
     """Overlapping photos of one page as one file of the whole page."""
-    return Call("/mosaic", _files("images", photos), _fields(options, format=format), read_file)
+    return Call("/mosaic", _files("images", photos), _fields({**options, "format": format}), read_file)
 
 
 def mosaic_page(photos: Sequence[Photo], **options: Option) -> Call[PlainMosaicResult]:
@@ -80,7 +80,7 @@ def mosaic_page(photos: Sequence[Photo], **options: Option) -> Call[PlainMosaicR
 
 def layout(images: Sequence[Photo] = (), **options: Option) -> Call[LayoutResult | DocumentResult]:
     """Class and labels of a page; of several images, of the document and of its pages."""
-    return Call("/layout", _files("image", images), _fields(options, format="json"), _read_layout)
+    return Call("/layout", _files("image", images), _fields({"format": "json", **options}), _read_layout)
 
 
 def read_file(response: httpx.Response) -> File:
@@ -121,8 +121,8 @@ def _named(photo: Photo, number: int) -> tuple[str, bytes]:
     return path.name, path.read_bytes()
 
 
-def _fields(options: Mapping[str, Option], **more: Option) -> dict[str, str]:
-    return {name: _text(value) for name, value in {**options, **more}.items() if value is not None}
+def _fields(options: Mapping[str, Option]) -> dict[str, str]:
+    return {name: _text(value) for name, value in options.items() if value is not None}
 
 
 def _text(value: Option) -> str:
