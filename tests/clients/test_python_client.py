@@ -2,6 +2,7 @@
 clients."""
 
 import dataclasses
+import re
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from email.utils import format_datetime
@@ -22,7 +23,9 @@ from document_rectification_client.waiting import retry_after
 from tests.app.scripted import PAGE
 from tests.app.scripts import upload
 from tests.clients.unreliable import Network, on
+from tests.end_to_end.forked import ROOT
 
+ADDRESS = "http://127.0.0.1:8000"
 FLAT, NO_TEXT = upload(""), upload("no-text")
 BUSY = {
     "type": "about:blank",
@@ -176,6 +179,20 @@ def test_a_job_is_found_again_and_cancelled(client: Any, tmp_path: Path) -> None
     with pytest.raises(ProblemError) as caught:
         client.look(Job("../health/live", calls.read_file))
     assert caught.value.code == "not-found"
+
+
+@pytest.mark.parametrize("page", ["README.md", "clients/README.md"])
+def test_what_is_told_runs_as_written(
+    page: str, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, network: Network
+) -> None:
+    (code,) = re.findall(r"^```python\n(.*?)^```", (ROOT / page).read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    assert ADDRESS in code
+    for name in ("a.jpg", "b.jpg", "c.jpg"):
+        (tmp_path / name).write_bytes(FLAT)
+    monkeypatch.chdir(tmp_path)
+    with on(network, "sync", url, monkeypatch):
+        exec(code.replace(ADDRESS, url.rstrip("/")), {})
+    assert (tmp_path / "pages.pdf").read_bytes().endswith(b"as pdf")
 
 
 @pytest.mark.parametrize(

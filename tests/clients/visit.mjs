@@ -1,10 +1,9 @@
-// What the TypeScript client does with the service: node visit.mjs CLIENT URL OUTPUT < {"flat", "noText", "wait"}
+// What the TypeScript client does with the service: node visit.mjs URL OUTPUT < {"flat", "noText", "wait", "zones"}
 // Prints what it saw, as JSON.
 import { readFileSync, writeFileSync } from "node:fs";
-import { pathToFileURL } from "node:url";
+import { Client, ProblemError, calls } from "document-rectification-client";
 
-const [client, url, output] = process.argv.slice(2);
-const { Client, ProblemError, calls } = await import(pathToFileURL(client));
+const [url, output] = process.argv.slice(2);
 const scripts = JSON.parse(readFileSync(0, "utf8"));
 const photo = (script) => new Blob([Buffer.from(script, "latin1")]);
 const flat = photo(scripts.flat);
