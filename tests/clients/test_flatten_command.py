@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from document_rectification_client import clients
+from document_rectification_client import Client, File, Job, clients
 from document_rectification_client.__main__ import main
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S
@@ -59,11 +59,37 @@ def test_errors_are_one_line(
     assert not output.exists()
 
 
-@pytest.mark.parametrize("more", [["-o", "page.gif"], ["-o", "a.pdf", "--option", "bw"], []])
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["-o", "page.gif"],
+        ["-o", "no folder/page.pdf"],
+        ["-o", "a.pdf", "--option", "bw"],
+        ["-o", "a.pdf", "--url", "127.0.0.1:8000"],
+        [],
+    ],
+)
 def test_what_cannot_be_meant_is_usage(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["photo.jpg", *more])
     assert caught.value.code == 2
+
+
+def test_who_interrupts_wants_the_work_no_more(
+    url: str, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photo.write_bytes(upload(f"wait {tmp_path}"))
+    jobs: list[Job[File]] = []
+
+    def interrupt(client: Client, job: Job[File], progress: object) -> File:
+        jobs.append(job)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Client, "result", interrupt)
+        assert main([str(photo), "-o", str(tmp_path / "page.pdf"), "--url", url]) == 130
+    with Client(url) as client:
+        assert [client.look(job).state for job in jobs] == ["cancelled"]
 
 
 def test_pages_that_are_left_out_are_said(

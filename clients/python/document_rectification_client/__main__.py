@@ -38,10 +38,15 @@ LATER = {"unreachable", "busy", "not-ready", "shutting-down", "store-unavailable
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Exit status: 0, `REFUSED`, `USAGE` (also a file that cannot be read or written) or `TRY_LATER`."""
-    asked = _parser().parse_args(arguments)
+    parser = _parser()
+    asked = parser.parse_args(arguments)
     try:
-        with Client(asked.url, asked.key) as client:
-            file = client.answer(_call(asked), _shown())
+        client = Client(asked.url, asked.key)
+    except ValueError as error:
+        parser.error(str(error))
+    try:
+        with client:
+            file = _file_of(client, _call(asked))
         file.save(asked.output)
     except ProblemError as problem:
         print(f"flatten: {problem.code}: {problem}", file=sys.stderr)
@@ -56,6 +61,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for page in file.failed:
         print(f"flatten: left out: page {page}", file=sys.stderr)
     return 0
+
+
+def _file_of(client: Client, call: Call[File]) -> File:
+    """The answer to the call; whoever interrupts the program wants the work no more."""
+    job = client.start(call)
+    try:
+        return client.result(job, _shown())
+    except KeyboardInterrupt:
+        client.cancel(job)
+        raise
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -83,6 +98,8 @@ def _output(text: str) -> Path:
     path = Path(text)
     if path.suffix.lower() not in FORMATS:
         raise argparse.ArgumentTypeError(f"{text}: the ending is none of {', '.join(FORMATS)}")
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: there is no such folder")
     return path
 
 

@@ -28,7 +28,7 @@ TIMEOUT = httpx.Timeout(60.0, connect=10.0, read=600.0)
 class Client:
     """Sends photos to the service at `url`, and waits for the answers.
 
-    All methods raise `ProblemError`. Options are those of the service's forms (docs/api.md). With `progress` the work
+    All methods raise `ProblemError`; a `url` that is none is a ValueError. Options are those of the service's forms (docs/api.md). With `progress` the work
     is a job, and the function is called with its state until it ends.
 
     Parameters
@@ -249,6 +249,9 @@ class AsyncClient:
 
 
 def _prepare(http: httpx.Client | httpx.AsyncClient, url: str, key: str | None) -> None:
-    http.base_url = httpx.URL(url)
+    address = httpx.URL(url)
+    if address.scheme not in ("http", "https") or not address.host:
+        raise ValueError(f"{url}: an address begins with http:// or https://")
+    http.base_url = address
     if key is not None:
         http.headers["X-API-Key"] = key

@@ -38,7 +38,7 @@ class ProblemError(Exception):
 def problem_of(failure: httpx.Response | httpx.TransportError) -> ProblemError:
     """The problem that an answer tells, or that there is none."""
     if isinstance(failure, httpx.TransportError):
-        return ProblemError(f"The service cannot be reached: {failure}.", "unreachable")
+        return ProblemError(f"The service cannot be reached: {str(failure).rstrip('.')}.", "unreachable")
     status, wait = failure.status_code, retry_after(failure)
     try:
         document = failure.json() if failure.headers.get("content-type", "").startswith(PROBLEM) else {}
