@@ -2,7 +2,9 @@
 # make test    sets everything up and runs the tests; make test-fast runs the fast ones, make test-long the full counts
 # make help    the other targets
 
-HOST ?= 127.0.0.1
+# TLS=1 serves HTTPS to the network, with a certificate of its own: what a phone needs for its camera.
+TLS ?=
+HOST ?= $(if $(TLS),0.0.0.0,127.0.0.1)
 PORT ?= 8000
 export HOST PORT
 
@@ -59,6 +61,7 @@ PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_V
 
 help:
 	@echo 'make serve            set up, then serve on HOST:PORT (now $(HOST):$(PORT))'
+	@echo '             TLS=1 serves HTTPS to the network, for phones: their cameras need it'
 	@echo '             LANGUAGES="fra deu" installs what is needed to read these languages too'
 	@echo 'make worker           set up, then run jobs, without HTTP, for services that share DATABASE_URL and BLOB_URL'
 	@echo 'make test             set up, then run all tests (TEST_PROCESSES=3, TEST_OPTIONS=...)'
@@ -84,8 +87,14 @@ help:
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
 
+CERTIFICATE = $(DATA_DIR)/certificate.pem
 serve: venv
+ifdef TLS
+	@$(BIN)/python -m app.http.own_certificate '$(CERTIFICATE)'
+	@TLS_CERTIFICATE='$(CERTIFICATE)' exec $(BIN)/python -m app
+else
 	@exec $(BIN)/python -m app
+endif
 
 worker: venv
 	@exec $(BIN)/python -m app worker

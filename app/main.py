@@ -370,6 +370,7 @@ def serve(app: FastAPI | None = None, settings: Settings | None = None) -> None:
             app,
             host=settings.host,
             port=settings.port,
+            ssl_certfile=settings.tls_certificate,
             lifespan="on",
             log_config=None,
             access_log=False,

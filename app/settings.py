@@ -26,6 +26,9 @@ class Settings(BaseSettings):
     # Server
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
     port: int = Field(default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    tls_certificate: FilePath | None = Field(
+        default=None, description="PEM file of a certificate with its key; if set, the service speaks HTTPS."
+    )
     keep_alive_s: int = Field(default=30, ge=1, description="An idle connection is closed after this long.")
     shutdown_grace_s: int = Field(
         default=30, ge=0, description="After SIGTERM, requests in progress may take this long to finish."

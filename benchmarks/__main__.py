@@ -30,6 +30,7 @@ MODULES = {
     "mosaic_simulated": "mosaic.simulated",
     "mosaic_checks": "mosaic.checks",
     "mosaic_whole_views": "mosaic.whole_views",
+    "mosaic_glare": "mosaic.glare",
     "layout_recognition": "layout.recognition",
     "layout_words": "layout.word_labels",
     "layout_values": "layout.values",

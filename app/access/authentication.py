@@ -15,7 +15,9 @@ from services.errors import DocumentError
 HEADER = "X-API-Key"
 TOKEN_OPTION = "token"
 """Query option of a GET request that holds a token."""
-OPEN_PATHS = frozenset({"/", "/health/live", "/health/ready", "/metrics", "/docs", "/openapi.json"})
+OPEN_PATHS = frozenset(
+    {"/", "/service-worker.js", "/health/live", "/health/ready", "/metrics", "/docs", "/openapi.json"}
+)
 """Paths that probes, scrapers and readers of the documentation use. None of them shows a caller's data."""
 OPEN_FOLDERS = ("/docs/", "/static/")
 """Scripts and styles of the documentation, and of the page at `/`."""

@@ -10,6 +10,8 @@ from services.errors import DocumentError
 PAGE = "/"
 PAGE_FOLDER = "/static/"
 """Scripts, styles and pictures of the page at `/`."""
+SERVICE_WORKER_PATH = "/service-worker.js"
+"""The script that shows the page without a network."""
 _DOCUMENTATION = "/docs"
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _COMMON = {
@@ -24,6 +26,7 @@ PAGE_POLICY = "; ".join(
         "style-src 'self'",
         "img-src 'self' blob: data:",
         "connect-src 'self'",
+        "manifest-src 'self'",
         "form-action 'none'",
         "base-uri 'none'",
         "frame-ancestors 'none'",
@@ -82,7 +85,7 @@ class SecurityHeaders:
         await self.app(scope, receive, send_with_headers)
 
     def _headers_of(self, path: str, headers: Headers) -> Mapping[str, str]:
-        if path == PAGE or path.startswith(PAGE_FOLDER):
+        if path in (PAGE, SERVICE_WORKER_PATH) or path.startswith(PAGE_FOLDER):
             return _COMMON | _PAGE
         if path == _DOCUMENTATION or path.startswith(_DOCUMENTATION + "/"):
             return {**_COMMON, "Content-Security-Policy": _DOCUMENTATION_POLICY}

@@ -268,6 +268,8 @@ def image_headers(answer: RectifyResult | MosaicResult | PagesResult) -> dict[st
         headers["Document-Unplaced"] = ", ".join(map(str, answer.unplaced))
     else:
         headers |= _headers_of_page(answer)
+    if answer.page_id is not None:
+        headers["Document-Page-Id"] = answer.page_id
     return headers | _notices(answer.warnings) | _stages(answer.timings_ms)
 
 
@@ -275,8 +277,6 @@ def _headers_of_page(page: RectifyResult) -> dict[str, str]:
     headers: dict[str, str] = {"Document-Kind": page.kind}
     if page.quality is not None:
         headers["Document-Advice"] = ", ".join(advice.code for advice in page.quality.advice)
-    if page.page_id is not None:
-        headers["Document-Page-Id"] = page.page_id
     return headers
 
 

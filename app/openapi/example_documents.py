@@ -114,8 +114,9 @@ MOSAIC = {
             "mesh": {"rows": 2, "columns": 2, "target": CORNERS},
             "scale": 1.04,
             "sharpness": 1.0,
+            "covered_fraction": 0.05,
         },
-        {"placed": False, "mesh": None, "scale": None, "sharpness": None},
+        {"placed": False, "mesh": None, "scale": None, "sharpness": None, "covered_fraction": None},
     ],
     "pairs": [
         {

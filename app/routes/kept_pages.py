@@ -11,6 +11,7 @@ from app.engine.base import TimeLimit
 from app.http.connection import while_connected
 from app.http.json_answers import JSON, answer_json
 from app.http.json_bodies import json_request, read_json
+from app.http.ocr_languages import chosen_language
 from app.http.problems import documented
 from app.http.representations import (
     check_accepted,
@@ -21,14 +22,22 @@ from app.http.representations import (
 )
 from app.routes.common_responses import BODY, STORE, WORK
 from app.routes.page_answers import BINARY, flat_pages
-from app.schemas.kept_pages import PICTURE_FORMATS, BindRequest, Picture, PictureFormat, RenderRequest
+from app.schemas.kept_pages import (
+    FILE_FORMATS,
+    PICTURE_FORMATS,
+    BindRequest,
+    Picture,
+    PictureFormat,
+    RenderRequest,
+)
 from app.schemas.options import MaxPixels
 from app.state import AppState, State
 from models.errors import KeptPageNotFound, ResultNotFound, StoreError
 from models.records import StoredPage
+from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, SeveralFormat
-from services.contract.kept_pages import KeptPage
+from services.contract.kept_pages import KeptPage, PageReading, PageWish
 
 router = APIRouter(prefix="/pages", tags=["pages"])
 
@@ -36,7 +45,7 @@ JPEG = "image/jpeg"
 
 
 async def keep_photos(state: AppState, caller: Caller, reply: PageReply, names: Sequence[str | None]) -> None:
-    """Keep the pages of a reply of /rectify, and write their ids (`page_id`) into its answer.
+    """Keep the pages of a reply of /rectify or /mosaic, and write their ids (`page_id`) into its answer.
 
     `names` are the file names of the uploads; where there are fewer than pages, the first one's is that of all.
 
@@ -45,7 +54,8 @@ async def keep_photos(state: AppState, caller: Caller, reply: PageReply, names: 
     StoreError
         When a photo cannot be kept; then none is.
     """
-    described = flat_pages(reply)
+    described: Sequence[RectifyResult | MosaicResult]
+    described = [reply.answer] if isinstance(reply.answer, MosaicResult) else flat_pages(reply)
     kept = [(page, each) for page, each in zip(described, reply.kept, strict=False) if each is not None]
     of_all = len(names) != len(described)
     documents = [
@@ -90,7 +100,7 @@ async def kept_page(state: AppState, page: StoredPage) -> KeptPage:
     "/{id}", operation_id="kept_page", responses=documented("not-found", *STORE), response_model=RectifyResult
 )
 async def show_page(request: Request, state: State, id: str) -> Response:
-    """The description of a kept page, as it was answered last."""
+    """The description of a kept page, by what was said of it last."""
     page = await own_page(request, state, id)
     return await answer_json(partial(RectifyResult.model_validate, described(page)))
 
@@ -139,7 +149,7 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     """Answer again about a kept page: other corners, turn, margin, light, look, part or format, without its photo.
 
     All but corners is drawn from what was kept; between other corners the page is analysed again. What is said counts
-    from then on, also for files of several pages.
+    from then on, also for files of several pages. With text=true the page is read, and its text is kept.
     """
     asked = await read_json(request, RenderRequest, default=RenderRequest())
     page = await own_page(request, state, id)
@@ -154,13 +164,18 @@ async def render_page(request: Request, state: State, id: str) -> Response:
         embed_format=asked.embed_format,
     )
     kept = await kept_page(state, page)
-    work = state.engine.submit(state.operations.render_kept_page, kept, asked.wish, encoding)
+    reading = reading_of(asked, state, needed=asked.text)
+    work = state.engine.submit(state.operations.render_kept_page, kept, asked.wish, encoding, reading)
     reply, changed = await while_connected(request.receive, work)
     bundle_bytes = len(changed.bundle) or page.document["bytes"]
     (answer,) = flat_pages(reply)
     answer.page_id = id
-    shown = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type"})
+    shown = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type", "text"})
     document = {**changed.document, "bytes": bundle_bytes, "name": page.document["name"], "shown": shown}
+    if asked.wish == PageWish():
+        # Only read or shown: what a person has said meanwhile stays.
+        page = await own_page(request, state, id)
+        document = {**page.document, **({"text": document["text"]} if reading else {})}
     if changed.bundle:
         await state.photos.forget([id])
         await state.photos.keep({id: changed.bundle})
@@ -177,20 +192,25 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     responses={
         200: {
             "description": "The file of all pages.",
-            "content": {MEDIA_TYPES[name]: BINARY for name in ("pdf", "tiff", "zip")},
+            "content": {MEDIA_TYPES[name]: BINARY for name in FILE_FORMATS},
         },
         **documented("not-found", "invalid-option", *BODY, *STORE, *WORK),
     },
     openapi_extra=json_request(BindRequest),
 )
 async def bind_pages(request: Request, state: State) -> Response:
-    """One file of kept pages in the order of their ids, each as it was last answered."""
+    """One file of kept pages in the order of their ids, each as it was last answered.
+
+    With text=true a PDF can be searched; the formats hocr, alto, txt and markdown are the text itself. What was read
+    of a page once (by /rectify or its render with text=true) is not read again.
+    """
     asked = await read_json(request, BindRequest)
     pages = [await own_page(request, state, id) for id in asked.pages]
     encoding = encoding_of(asked, pages[0], asked.format, asked.format)
     kept = [await kept_page(state, page) for page in pages]
     limit = TimeLimit(state.settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
-    work = state.engine.submit(state.operations.bind_kept_pages, kept, encoding, time_limit=limit)
+    reading = reading_of(asked, state, needed=asked.text or encoding.needs_text)
+    work = state.engine.submit(state.operations.bind_kept_pages, kept, encoding, reading, time_limit=limit)
     reply = await while_connected(request.receive, work)
     return file_answer(reply, pages[0])
 
@@ -224,6 +244,18 @@ def encoding_of(
         title=asked.title or file_stem(name),
         **more,
     )
+
+
+def reading_of(asked: Picture, state: AppState, *, needed: bool) -> PageReading | None:
+    """How the pages are read; None where their text is not needed.
+
+    Raises
+    ------
+    InvalidOption
+        When OCR_LANGUAGES does not have the language.
+    """
+    language = chosen_language(asked.language, state.settings)
+    return PageReading(language) if needed else None
 
 
 def file_answer(reply: PageReply, page: StoredPage) -> Response:

@@ -10,6 +10,7 @@ from app.engine.base import TimeLimit
 from app.http.form_parts import FormRoute
 from app.http.known_options import known_parts, with_format
 from app.http.ocr_languages import chosen_language
+from app.routes.kept_pages import keep_photos
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import PageAnswer, answer_page, choose_encoding, documented_page
 from app.schemas.mosaic import MosaicForm
@@ -78,6 +79,8 @@ async def join(
             progress=progress,
         )
         request.state.seat.release()
+        if parameters.keep_photo:
+            await keep_photos(state, caller, reply, [photo.filename for photo in form.images])
         return await answer(request, reply, form.images[0], "-mosaic")
 
     return await answer_now_or_later(request, state, work)

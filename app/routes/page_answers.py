@@ -44,6 +44,10 @@ _HEADERS = {
         "schema": {"type": "string", "enum": ["0", "90", "180", "270"]},
     },
     "Document-Warnings": {"description": "Codes, separated by commas.", "schema": {"type": "string"}},
+    "Document-Page-Id": {
+        "description": "Ids of the kept pages (keep_photo), separated by commas.",
+        "schema": {"type": "string"},
+    },
     "Server-Timing": {"description": "Milliseconds of each stage.", "schema": {"type": "string"}},
 }
 _PAGES_HEADERS = {
@@ -57,10 +61,6 @@ _PAGES_HEADERS = {
     },
     "Document-Advice": {
         "description": "Codes of advice for a better photo, separated by commas; empty for one that reads well.",
-        "schema": {"type": "string"},
-    },
-    "Document-Page-Id": {
-        "description": "Ids of the kept pages (keep_photo), separated by commas.",
         "schema": {"type": "string"},
     },
     "Document-Failed": {

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from app.schemas.options import FORMAT, EmbedFormat, MaxPixels, Quality
+from app.schemas.options import FORMAT, EmbedFormat, Language, MaxPixels, Quality, ReadText
 from services.contract.answers.page import Point
 from services.contract.images import PdfVersion
 from services.contract.kept_pages import MOST_BOUND_PAGES, PageWish
@@ -12,7 +12,8 @@ from services.contract.rectify import MOST_MARGIN, Corners, Crop, Illumination, 
 
 PictureFormat = Literal["jpeg", "png", "webp", "tiff", "pdf", "json"]
 PICTURE_FORMATS: tuple[PictureFormat, ...] = get_args(PictureFormat)
-FileFormat = Literal["pdf", "tiff", "zip"]
+FileFormat = Literal["pdf", "tiff", "zip", "txt", "hocr", "alto", "markdown"]
+FILE_FORMATS: tuple[FileFormat, ...] = get_args(FileFormat)
 
 
 def _turn(value: object) -> object:
@@ -44,6 +45,8 @@ class Picture(BaseModel):
     max_height: MaxPixels = None
     pdf_version: PdfVersion = Field(default="1.7", description="Version of a PDF: 1.7, or a-2b for archives.")
     title: str = Field(default="", max_length=300, description="Title of a PDF; default: name of the photo.")
+    text: ReadText = False
+    language: Language = None
 
 
 class RenderRequest(Picture):

@@ -100,6 +100,11 @@ class MosaicForm(BaseModel):
         json_schema_extra={"pattern": f"^({TURN})?$"},
     )
     illumination: Illumination = "normalize"
+    keep_photo: Switch = Field(
+        default=False,
+        description="Keep the joined page for later answers: the response has `page_id` (header `Document-Page-Id`), "
+        "see /pages. The photos are not kept.",
+    )
     camera: CameraName = None
     text: ReadText = False
     language: Language = None
@@ -137,4 +142,5 @@ class MosaicForm(BaseModel):
             language=self.language or None,
             camera=self.camera or None,
             rotate=turn_of(self.rotate),
+            keep_photo=self.keep_photo,
         )

@@ -1,10 +1,10 @@
 // The shell of the page: which view is shown, and the API key.
 
 import { notify, problemNote } from "./elements.js";
-import { apiKey, setApiKey } from "./service.js";
+import { address, apiKey, refusalOfKey, setApiKey } from "./service.js";
 
 const VIEWS = {
-  flatten: { title: "Flatten", load: () => import("./flatten/view.js") },
+  flatten: { title: "Flatten", load: () => import("./scan/view.js") },
   layout: { title: "Layout", load: () => import("./layout/view.js") },
   models: { title: "Models", load: () => import("./models/view.js") },
   review: { title: "Review", load: () => import("./review/view.js") },
@@ -46,6 +46,7 @@ const reason = document.getElementById("key-reason");
 const field = document.getElementById("key-field");
 
 function askForKey(why) {
+  if (dialog.open && why) reason.textContent = why;
   if (dialog.open) return;
   reason.textContent = why ?? "The key stays in this browser tab and is sent as a header.";
   field.value = apiKey();
@@ -60,10 +61,17 @@ dialog.addEventListener("close", () => {
   if (dialog.returnValue === "cancel") return;
   setApiKey(dialog.returnValue === "use" ? field.value.trim() : "");
   field.value = "";
-  notify(apiKey() ? "The key is in use." : "No key is in use.");
-  shown.clear();
-  show();
+  tryKey();
 });
+
+/** Uses the key that was entered, unless the service refuses it. A view that holds work goes on with it. */
+async function tryKey() {
+  if (apiKey() && (await refusalOfKey())) return askForKey("The service does not know this key. Check it and enter it again.");
+  notify(apiKey() ? "The key is in use." : "No key is in use.");
+  for (const [name, view] of shown) if (!view.keyChanged) shown.delete(name);
+  for (const view of shown.values()) view.keyChanged();
+  return show();
+}
 
 document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault();
@@ -75,4 +83,6 @@ window.addEventListener("hashchange", () => {
 });
 // A photo that is dropped beside the field must not replace the page.
 for (const name of ["dragover", "drop"]) window.addEventListener(name, (event) => event.preventDefault());
+// Over TLS the page shows itself and its state without a network. It works without that, too.
+navigator.serviceWorker?.register(address("service-worker.js")).catch(() => {});
 show();

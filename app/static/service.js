@@ -5,7 +5,10 @@ const KEY = "api-key";
 const TOKEN_SPARE_MS = 30000; // a token is replaced this long before it expires
 const POLL_MS = 1000;
 
-/** A refusal: `code`, `detail`, `field` and `request_id` of the problem document (RFC 9457). */
+/**
+ * A refusal: `code`, `detail`, `field` and `request_id` of the problem document (RFC 9457), and `retryAfter` in seconds
+ * where the service says when to come again.
+ */
 export class Problem extends Error {
   constructor(document) {
     super(document.detail ?? document.title ?? "The request failed.");
@@ -44,7 +47,8 @@ export async function request(method, path, { body, headers = {}, signal } = {})
     throw new Problem({ code: "unreachable", detail: "The service cannot be reached. Check the network and try again." });
   }
   if (response.ok) return response;
-  const problem = new Problem(await problemOf(response));
+  const retryAfter = Number(response.headers.get("Retry-After")) || undefined;
+  const problem = new Problem({ ...(await problemOf(response)), retryAfter });
   if (response.status === 401 || (response.status === 403 && /API key/.test(problem.detail))) {
     document.dispatchEvent(new CustomEvent("key-needed", { detail: problem.detail }));
   }
@@ -72,15 +76,17 @@ export async function link(path) {
   return target;
 }
 
+/** Long work, sent with `Prefer: respond-async`: its `job`, or its `response` where it is done already. */
+export async function begin(path, form, signal) {
+  const response = await request("POST", path, { body: form, headers: { Prefer: "respond-async" }, signal });
+  return response.status === 202 ? { job: await response.json() } : { response };
+}
+
 /**
- * The response to long work: it is sent with `Prefer: respond-async`, and its progress arrives as server-sent events.
- * `onProgress` gets the status of the job. An abort of `signal` cancels the job.
+ * The response to the work of a job; its progress arrives as server-sent events. `onProgress` gets the status of the job.
+ * An abort of `signal` cancels the job.
  */
-export async function work(path, form, onProgress, signal) {
-  const headers = { Prefer: "respond-async" };
-  const accepted = await request("POST", path, { body: form, headers, signal });
-  if (accepted.status !== 202) return accepted;
-  const job = await accepted.json();
+export async function outcome(job, onProgress, signal) {
   const cancel = () => request("DELETE", `jobs/${job.id}`).catch(() => {});
   signal?.addEventListener("abort", cancel, { once: true });
   try {
@@ -90,6 +96,12 @@ export async function work(path, form, onProgress, signal) {
   } finally {
     signal?.removeEventListener("abort", cancel);
   }
+}
+
+/** The response to long work, from its beginning to its end. */
+export async function work(path, form, onProgress, signal) {
+  const { job, response } = await begin(path, form, signal);
+  return response ?? outcome(job, onProgress, signal);
 }
 
 async function ended(job, onProgress, signal) {
@@ -126,6 +138,16 @@ async function description() {
 async function operationsOf(path) {
   const { paths } = await description();
   return Object.entries(paths).find(([name]) => name.endsWith(path) && !name.slice(0, -path.length).includes("{"))?.[1];
+}
+
+/** Whether the service takes the key in use: a `Problem` where it refuses it, null where all is well. */
+export async function refusalOfKey() {
+  try {
+    await get("cameras");
+    return null;
+  } catch (problem) {
+    return problem.code === "unauthorized" || problem.code === "forbidden" ? problem : null;
+  }
 }
 
 export const offers = async (path) => Boolean(await operationsOf(path));

@@ -14,7 +14,7 @@ class KeptPage:
     """A page as it is kept.
 
     `bundle` is a file of its photo, of how its views are drawn, and of its last picture. `document` is JSON: `answer`,
-    the page's `RectifyResult` without picture and text; `options`, by which it was made.
+    the page's `RectifyResult` without picture and text; `options`, by which it was made; `text`, where it was read.
     """
 
     bundle: bytes
@@ -33,6 +33,13 @@ class PageWish:
     margin: float | None = None
     illumination: Illumination | None = None
     crop: Crop | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PageReading:
+    """That the text of kept pages is wanted, and in which language; None: the worker's default."""
+
+    language: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

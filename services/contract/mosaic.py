@@ -20,7 +20,7 @@ class MosaicParameters:
     `base` is an index of a photo. When the photos form several parts that do not overlap, the mosaic shows the part
     with this photo. None: the largest part. `text` reads the page in `language`. `camera` names the camera of all
     photos, None: each as EXIF names it; `cameras` are those that are remembered. `rotate` is the clockwise turn of the
-    page in place of the one that `upright` finds.
+    page in place of the one that `upright` finds. `keep_photo`: the reply has what later answers about the page need.
     """
 
     rectify: bool = True
@@ -33,6 +33,7 @@ class MosaicParameters:
     camera: str | None = None
     cameras: tuple[CameraMemory, ...] = ()
     rotate: Rotation | None = None
+    keep_photo: bool = False
 
 
 @dataclass(frozen=True, slots=True)

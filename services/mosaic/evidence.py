@@ -8,6 +8,8 @@ from services.arrays import Homography, Vector
 from services.contract.answers.mosaic import Pair, SheetCamera, SheetSurface
 from services.errors import DocumentError
 from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.light.hidden_parts import HiddenPart
+from services.mosaic.page_cropping import PageCrop
 from services.mosaic.patch_mesh import mesh_of_patch, scale_of_patch
 from services.mosaic.photo_graph import connect_photos, overlap_fraction
 from services.mosaic.placed_photo import PlacedPhoto
@@ -18,6 +20,8 @@ from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.results import Patch
 from services.notices import Notice
 
+LEAST_GLARE = 0.005
+"""Share of the page that glare hides in all photos, from which a person is told: about a line of text."""
 DESCRIBED_COLUMNS = 25
 """Most columns of nodes of a sheet in the answer, as of creased sheets in that of /rectify."""
 
@@ -26,6 +30,7 @@ def describe_patches(
     count: int,
     placed: Sequence[PlacedPhoto],
     sharpness: Sequence[float],
+    covered: Sequence[float],
     H_final_mosaic: Homography,
     joint: JointSheet | None = None,
 ) -> tuple[Patch, ...]:
@@ -39,22 +44,41 @@ def describe_patches(
         The placed photos.
     sharpness
         Sharpness of the placed photos' print, relative to the sharpest, as in `ComposedPage`.
+    covered
+        Shares of the placed photos that are hidden, as in `describe_covers`.
     H_final_mosaic
         Mosaic pixels -> final page.
     joint
         The sheet that all of them show, if they were laid on one.
     """
     patches = [Patch(False)] * count
-    for photo, sharp in zip(placed, sharpness, strict=True):
+    for photo, sharp, share in zip(placed, sharpness, covered, strict=True):
         final = photo.placement.within(H_final_mosaic)
         patches[photo.flat.index] = Patch(
             True,
             np.asarray(mesh_of_patch(photo.flat, final), np.float64),
             scale_of_patch(photo.flat, final),
             sharp,
+            share,
             None if joint is None else describe_camera(joint, photo.flat),
         )
     return tuple(patches)
+
+
+def describe_covers(
+    placed: Sequence[PlacedPhoto], glare: HiddenPart | None, crop: PageCrop
+) -> tuple[tuple[float, ...], list[Notice]]:
+    """Shares of what the photos show within `crop` that are hidden, and a notice where all photos are."""
+    page = (crop.left, crop.top, crop.right, crop.bottom)
+    covered = tuple(0.0 if photo.hidden is None else photo.hidden.fraction(*page) for photo in placed)
+    left = 0.0 if glare is None else glare.fraction(*page)
+    if left < LEAST_GLARE:
+        return covered, []
+    detail = (
+        f"Glare hides {100 * left:.1f} % of the page in all photos of that place: take one more, from another side or "
+        "without the lamp."
+    )
+    return covered, [Notice("glare", detail)]
 
 
 def describe_camera(joint: JointSheet, photo: FlatPhoto) -> SheetCamera:

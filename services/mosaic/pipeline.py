@@ -18,6 +18,7 @@ from services.imaging.reduction import reduce_image
 from services.mosaic.composition.composed_page import compose_page
 from services.mosaic.duplicates import find_duplicates
 from services.mosaic.evidence import (
+    describe_covers,
     describe_pairs,
     describe_patches,
     describe_sheet,
@@ -27,6 +28,7 @@ from services.mosaic.evidence import (
 )
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import flatten_photo, take_as_flat
+from services.mosaic.light.hidden_parts import HiddenPart
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
 from services.mosaic.placed_photo import PlacedPhoto
@@ -90,7 +92,7 @@ def mosaic(
         joined = None if parameters.rectify else join_whole_pixels(flats, part)
     if joined is None:
         with clock.stage("illumination"):
-            placed = match_light(flats, part, parameters.illumination)
+            placed, glare = match_light(flats, part, parameters.illumination)
         with clock.stage("composition"):
             text_height_px = typical_text_height_px(placed)
             composed = compose_page(placed, part.width, part.height, parameters.composition, text_height_px)
@@ -98,19 +100,22 @@ def mosaic(
             crop = find_page_crop(composed.image, see_sheet(placed, part.width, part.height))
             page = crop_page(composed.image, crop)
         sharpness, corner = composed.sharpness, (crop.left, crop.top)
+        covered, notices = describe_covers(placed, glare, crop)
     else:
         page, placed = joined.image, joined.placed
         text_height_px = typical_text_height_px(placed)
         sharpness, corner = (1.0,) * len(placed), (0, 0)
+        covered, notices = (0.0,) * len(placed), []
     orientation, notice = Orientation(parameters.rotate or 0, False, None), None
     if parameters.upright and parameters.rotate is None:
         with clock.stage("orientation"):
             orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
     turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)
     H_final_mosaic = np.linalg.inv(turn) @ translation(-corner[0], -corner[1])
-    patches = describe_patches(len(photos), placed, sharpness, H_final_mosaic, part.joint)
+    patches = describe_patches(len(photos), placed, sharpness, covered, H_final_mosaic, part.joint)
     unplaced = tuple(index for index, patch in enumerate(patches) if not patch.placed)
     notices = [
+        *notices,
         *duplicate_notices(repeats),
         *notices_of(placed),
         *unplaced_notices([index for index in unplaced if index not in repeats], textless, pairs),
@@ -194,12 +199,14 @@ def explain_refusal(
 
 def match_light(
     flats: Mapping[int, FlatPhoto], part: PlacedPart, illumination: Illumination
-) -> tuple[PlacedPhoto, ...]:
-    """The photos of the page with their placements and matched tones, in the order of the upload."""
+) -> tuple[tuple[PlacedPhoto, ...], HiddenPart | None]:
+    """The photos of the page with their placements and matched tones, in the order of the upload, and the page's part
+    that glare hides in all of them.
+    """
     order = sorted(part.placements)
     photos, placements = [flats[index] for index in order], [part.placements[index] for index in order]
     tones = match_tones(photos, placements, illumination)
-    return tuple(map(PlacedPhoto, photos, placements, tones))
+    return tuple(map(PlacedPhoto, photos, placements, tones.maps, tones.hidden)), tones.glare
 
 
 def typical_text_height_px(placed: Sequence[PlacedPhoto]) -> float:

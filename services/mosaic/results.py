@@ -21,6 +21,7 @@ class Patch:
         (c (width-1)/(columns-1), r (height-1)/(rows-1)).
     scale : mosaic pixels per photo pixel at the centre of the shown part.
     sharpness : mean gradient magnitude of its print relative to the sharpest photo, in (0, 1].
+    covered_fraction : share of its part of the page that glare, a shadow or a finger hides, and another photo shows.
     camera : the photo's camera before the page's `surface`; None where each photo was flattened by itself.
     """
 
@@ -28,6 +29,7 @@ class Patch:
     mesh: NDArray[np.float64] | None = None
     scale: float | None = None
     sharpness: float | None = None
+    covered_fraction: float | None = None
     camera: SheetCamera | None = None
 
 

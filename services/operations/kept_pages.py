@@ -6,10 +6,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from services.arrays import Floats, Points
+from services.arrays import Floats, Points, RgbImage
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import Encoding, ImageLimits, PageReply
-from services.contract.kept_pages import KeptPage, PageWish, RenderedPage
+from services.contract.kept_pages import KeptPage, PageReading, PageWish, RenderedPage
 from services.contract.rectify import Crop, RectifyParameters
 from services.geometry.homographies import to_resized, transform_points
 from services.geometry.page_frame import Frame, mesh_of, turn_against_photo, turn_frame, turning
@@ -18,7 +18,9 @@ from services.imaging.looks import scanner_look
 from services.imaging.normalization import normalize_illumination
 from services.imaging.page_images import page_picture
 from services.imaging.square_pixels import square_pixels
+from services.operations.kept_text import keep_text, shown_part, text_of
 from services.operations.page_bundle import PageBundle, open_bundle
+from services.operations.page_reading import READING_CUT
 from services.operations.pages_reply import (
     DescribedPage,
     EncodedPage,
@@ -29,7 +31,7 @@ from services.operations.pages_reply import (
 )
 from services.operations.rectify import flatten_picture
 from services.operations.reduced_views import reduce_picture, reduced_size
-from services.operations.replies import SourceFacts, rounded, timed
+from services.operations.replies import SourceFacts, describe_warnings, rounded, timed
 from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.held_corners import with_margin
 from services.rectify.view.view_plan import PlannedView, unpack_plan
@@ -40,8 +42,12 @@ OWN = ImageLimits(max_megapixels=1000.0)
 """Of pictures that this service has made: views may be larger than the photos of a request."""
 
 
-def render_kept_page(kept: KeptPage, wish: PageWish, encoding: Encoding) -> tuple[PageReply, RenderedPage]:
+def render_kept_page(
+    kept: KeptPage, wish: PageWish, encoding: Encoding, reading: PageReading | None = None
+) -> tuple[PageReply, RenderedPage]:
     """The answer about a kept page with what the person wishes, and what is to be kept from now on.
+
+    With `reading` the answer has the text of the page, which is kept too.
 
     Raises
     ------
@@ -53,21 +59,26 @@ def render_kept_page(kept: KeptPage, wish: PageWish, encoding: Encoding) -> tupl
     if wish.corners is not None:
         with timed("analysis", timings_ms):
             kept = analyse_again(kept, bundle, wish)
-        page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms)
-        changed = RenderedPage(kept.document, kept.bundle)
+        wish, bundle, packed = PageWish(), open_bundle(kept.bundle), kept.bundle
     else:
-        page, source = draw_kept(kept, bundle, wish, encoding, timings_ms)
-        changed = RenderedPage(_wished(kept.document, wish))
+        packed = b""
+    page, source = draw_kept(kept, bundle, wish, encoding, timings_ms, reading)
+    changed = RenderedPage(_wished(kept.document, wish), packed)
     return make_page_reply(page, source, encoding, timings_ms), changed
 
 
-def bind_kept_pages(pages: Sequence[KeptPage], encoding: Encoding) -> PageReply:
-    """One file of kept pages, each as it was last answered."""
+def bind_kept_pages(
+    pages: Sequence[KeptPage], encoding: Encoding, reading: PageReading | None = None
+) -> PageReply:
+    """One file of kept pages, each as it was last answered; with `reading`, with their texts.
+
+    A page whose text is kept is not read again.
+    """
     timings_ms: dict[str, float] = {}
     encoded: list[EncodedPage] = []
     target = None
     for kept in pages:
-        page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms)
+        page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms, reading)
         target = target or choose_target(encoding, source, len(pages))
         encoded.append(encode_page(page, target, source, encoding))
     assert target is not None, "the app has seen to that"
@@ -110,8 +121,12 @@ def draw_kept(
     wish: PageWish,
     encoding: Encoding,
     timings_ms: dict[str, float],
+    reading: PageReading | None = None,
 ) -> tuple[DescribedPage, SourceFacts]:
-    """The page as the person wishes it, its description, and the facts of its photo."""
+    """The page as the person wishes it, its description, and the facts of its photo.
+
+    With `reading` it has its text, which is put into the document of `kept`.
+    """
     document, options = kept.document, kept.document["options"]
     answer = document["answer"]
     before = PageWish(**document["wish"])
@@ -145,19 +160,24 @@ def draw_kept(
     if look != "keep" and not lit:
         with timed("illumination", timings_ms):
             flat = normalize_illumination(flat, _places(view, turned, turn, found["mirrored"], frame))
+    text = None
+    if reading is not None:
+        part = shown_part(crop, margin, turn, bundle.plan)
+        mesh = np.asarray(to_resized(mesh_of(frame), 1 / np.array(document["stretch"])), np.float64)
+        with timed("reading", timings_ms):
+            text = text_of(document, part, flat, reading, mesh)
+        keep_text(document, part, text)
     dpi = document["dpi"]
     if dpi is not None and crop != options["crop"]:
         dpi *= _pixels_per_photo_pixel(view.frame) / _pixels_per_photo_pixel(views[options["crop"]].frame)
-    width, height = reduced_size(frame.width, frame.height, encoding.max_width, encoding.max_height)
-    if (width, height) != (frame.width, frame.height):
-        across, down = frame.width / width, frame.height / height
-        H = np.array([[across, 0, 0.5 * across - 0.5], [0, down, 0.5 * down - 0.5], [0, 0, 1]])
-        frame, flat = frame.through(H, width, height), reduce_picture(flat, width, height)
-        dpi = None if dpi is None else dpi / across
+    frame, flat, dpi = _reduced(frame, flat, dpi, encoding)
     mesh = np.asarray(mesh_of(frame), np.float64)
     described = _described(document, flat.shape, mesh, turn, dpi)
+    if text is not None:
+        text = text.resized(flat.shape[1], flat.shape[0])
+        described.warnings += describe_warnings((READING_CUT,) if text.cut else ())
     facts = SourceFacts(cast(UploadFormat, document["format"]), dpi, icc_profile)
-    return DescribedPage(scanner_look(flat, look), described, None, dpi), facts
+    return DescribedPage(scanner_look(flat, look), described, text, dpi), facts
 
 
 def _wished(document: Mapping[str, Any], wish: PageWish) -> dict[str, Any]:
@@ -199,6 +219,22 @@ def _described(
         "timings_ms": {},
     }
     return RectifyResult.model_validate({**answer, **changed})
+
+
+def _reduced(
+    frame: Frame, flat: RgbImage, dpi: float | None, encoding: Encoding
+) -> tuple[Frame, RgbImage, float | None]:
+    """The view within the size limits of `encoding`, and its resolution."""
+    width, height = reduced_size(frame.width, frame.height, encoding.max_width, encoding.max_height)
+    if (width, height) == (frame.width, frame.height):
+        return frame, flat, dpi
+    across, down = frame.width / width, frame.height / height
+    H = np.array([[across, 0, 0.5 * across - 0.5], [0, down, 0.5 * down - 0.5], [0, 0, 1]])
+    return (
+        frame.through(H, width, height),
+        reduce_picture(flat, width, height),
+        None if dpi is None else dpi / across,
+    )
 
 
 def _places(view: PlannedView, turned: Frame, turn: int, mirrored: bool, wide: Frame) -> Points | None:

@@ -8,16 +8,20 @@ import numpy as np
 from services.contract.answers import mosaic as answers
 from services.contract.cameras import find_camera
 from services.contract.images import Encoding, PageReply
+from services.contract.kept_pages import KeptPage
 from services.contract.mosaic import MosaicLimits, MosaicParameters
-from services.errors import TooLarge
-from services.imaging.codec import DecodedImage, count_pixels, decode_image
+from services.contract.rectify import RectifyParameters
+from services.errors import NoText, TooLarge
+from services.imaging.codec import DecodedImage, count_pixels, decode_image, encode_image
 from services.imaging.looks import scanner_look
-from services.imaging.page_images import naming_page
+from services.imaging.page_images import PagePicture, naming_page
 from services.mosaic.pipeline import mosaic
 from services.mosaic.results import MosaicResult, Patch
+from services.operations.page_bundle import keep_page
 from services.operations.page_reading import READING_CUT, read_flat_page, reading_engine
 from services.operations.pages_reply import DescribedPage, make_page_reply
 from services.operations.reader import ocr_engine
+from services.operations.rectify import describe_page
 from services.operations.reduced_views import reduce_mosaic
 from services.operations.replies import (
     ENCODING_BEGINS,
@@ -28,7 +32,11 @@ from services.operations.replies import (
     timed,
 )
 from services.progress import progress_within
+from services.rectify.kept_photo import keep_photo
+from services.text.page_text import PageText
 
+KEPT_QUALITY = 95
+"""Of the JPEG file that stands for the photo of a kept mosaic: other looks are drawn from it."""
 MOSAIC_READING_BEGINS = 0.85
 """Typical progress before a mosaic is read, if it is."""
 
@@ -71,14 +79,27 @@ def mosaic_uploads(
             text = read_flat_page(result.image, reader, language)
         if text.cut:
             result = replace(result, warnings=(*result.warnings, READING_CUT))
+    source = SourceFacts(photos[0].format, _resolution(photos, result), _colour_profile(photos))
+    kept = _keep_mosaic(result, text, parameters, source) if parameters.keep_photo else None
     result = reduce_mosaic(result, encoding)
     if text is not None:
         text = text.resized(result.image.shape[1], result.image.shape[0])
     dpi = _resolution(photos, result)
-    source = SourceFacts(photos[0].format, dpi, _colour_profile(photos))
     picture = scanner_look(result.image, parameters.illumination)
-    page = DescribedPage(picture, describe_mosaic(result), text, dpi)
-    return make_page_reply(page, source, encoding, timings_ms)
+    page = DescribedPage(picture, describe_mosaic(result), text, dpi, kept)
+    return make_page_reply(page, replace(source, dpi=dpi), encoding, timings_ms)
+
+
+def _keep_mosaic(
+    result: MosaicResult, text: PageText | None, parameters: MosaicParameters, source: SourceFacts
+) -> KeptPage | None:
+    """What is kept of the joined page: its picture counts as a photo that is the flat page already."""
+    own = encode_image(result.image, "jpeg", KEPT_QUALITY, icc_profile=source.icc_profile)
+    photo = PagePicture(result.image, None, source.format, source.dpi, source.icc_profile, original=own)
+    flat = keep_photo(result.image, NoText("it is a mosaic."))
+    flat = replace(flat, evidence=replace(flat.evidence, source=("photo",)), warnings=())
+    asked = RectifyParameters(illumination=parameters.illumination, language=parameters.language)
+    return keep_page(flat, describe_page(flat, asked, Encoding("json"), photo), asked, photo, text)
 
 
 def _decode_photos(uploads: Sequence[bytes], limits: MosaicLimits) -> list[DecodedImage]:
@@ -143,5 +164,6 @@ def _describe_patch(patch: Patch) -> answers.Patch:
         mesh=mesh,
         scale=rounded(patch.scale),
         sharpness=rounded(patch.sharpness),
+        covered_fraction=rounded(patch.covered_fraction),
         camera=patch.camera,
     )

@@ -8,9 +8,11 @@ from services.contract.kept_pages import KeptPage
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import encode_image
 from services.imaging.page_images import PagePicture
+from services.operations.kept_text import keep_text, shown_part
 from services.operations.pages_reply import DescribedPage
 from services.operations.replies import to_json_ready
 from services.rectify.results import RectifyResult
+from services.text.page_text import PageText
 
 PHOTO, PLAN, PICTURE = "photo", "plan.npz", "picture.jpg"
 
@@ -55,9 +57,13 @@ KEPT_OPTIONS = (
 
 
 def keep_page(
-    result: RectifyResult, page: DescribedPage, parameters: RectifyParameters, photo: PagePicture
+    result: RectifyResult,
+    page: DescribedPage,
+    parameters: RectifyParameters,
+    photo: PagePicture,
+    text: PageText | None = None,
 ) -> KeptPage | None:
-    """What is kept of a flat page of `photo`; None where its views are not known.
+    """What is kept of a flat page of `photo`, and of its `text`; None where its views are not known.
 
     `page` describes `result`, perhaps with a smaller picture. The document has the `answer`, the `options` that made
     the picture, and what the person has said since then (`wish`), nothing so far.
@@ -81,4 +87,7 @@ def keep_page(
     }
     ready = to_json_ready(document)
     assert isinstance(ready, dict)
+    if text is not None:
+        turn = result.orientation.rotation_deg
+        keep_text(ready, shown_part(parameters.crop, parameters.margin, turn, result.plan.packed), text)
     return KeptPage(PageBundle(original, result.plan.packed, picture).packed(), ready)

@@ -163,7 +163,7 @@ def describe_page(
     height, width = view.image.shape[:2]
     if parameters.keep_photo:
         with timed("keeping", result.timings_ms):
-            page = replace(page, kept=keep_page(result, page, parameters, photo))
+            page = replace(page, kept=keep_page(result, page, parameters, photo, text))
     return page if text is None else replace(page, text=text.resized(width, height))
 
 

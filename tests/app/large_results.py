@@ -79,7 +79,13 @@ def mosaic(
 ) -> PageReply:
     """A mosaic with a mesh of each photo, and its image."""
     document = mosaic_document(len(uploads), {}, base64.b64encode(bytes(_IMAGE_BYTES)).decode())
-    placed = {"placed": True, "mesh": _mesh("target"), "scale": 1.25, "sharpness": 1.0}
+    placed = {
+        "placed": True,
+        "mesh": _mesh("target"),
+        "scale": 1.25,
+        "sharpness": 1.0,
+        "covered_fraction": 0.0,
+    }
     answer = MosaicResult.model_validate({**document, "patches": [placed] * len(uploads)})
     return PageReply(b"", "application/json", answer)
 

@@ -19,7 +19,7 @@ from services.contract.answers.proposals import Proposals
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES, DocumentLimits, Encoding, FailedPlace, PageReply
 from services.contract.kept_pages import KeptPage as KeptPhoto
-from services.contract.kept_pages import PageWish, RenderedPage
+from services.contract.kept_pages import PageReading, PageWish, RenderedPage
 from services.contract.layout import MEDIA_TYPES as LAYOUT_MEDIA_TYPES
 from services.contract.layout import (
     DocumentPage,
@@ -185,18 +185,22 @@ def kept_photo(parameters: RectifyParameters) -> KeptPhoto:
     return kept
 
 
-def render_kept_page(kept: KeptPhoto, wish: PageWish, encoding: Encoding) -> tuple[PageReply, RenderedPage]:
+def render_kept_page(
+    kept: KeptPhoto, wish: PageWish, encoding: Encoding, reading: PageReading | None = None
+) -> tuple[PageReply, RenderedPage]:
     """The real operation, of a small page."""
     from services.operations import kept_pages
 
-    return kept_pages.render_kept_page(kept, wish, encoding)
+    return kept_pages.render_kept_page(kept, wish, encoding, reading)
 
 
-def bind_kept_pages(pages: list[KeptPhoto], encoding: Encoding) -> PageReply:
+def bind_kept_pages(
+    pages: list[KeptPhoto], encoding: Encoding, reading: PageReading | None = None
+) -> PageReply:
     """The real operation, of small pages."""
     from services.operations import kept_pages
 
-    return kept_pages.bind_kept_pages(pages, encoding)
+    return kept_pages.bind_kept_pages(pages, encoding, reading)
 
 
 def show_kept_photo(bundle: bytes, width: int | None) -> bytes:

@@ -59,14 +59,14 @@ def document(parameters: RectifyParameters, encoding: Encoding, image: str | Non
 def mosaic_document(photos: int, asked: dict[str, object], image: str | None) -> dict[str, object]:
     """A `MosaicResult` whose notices carry back what was asked; the last photo is not placed."""
     mesh = {"rows": 2, "columns": 2, "target": [[(0.0, 0.0), (19.0, 0.0)], [(0.0, 9.0), (19.0, 9.0)]]}
-    placed = {"placed": True, "mesh": mesh, "scale": 1.25, "sharpness": 1.0}
+    placed = {"placed": True, "mesh": mesh, "scale": 1.25, "sharpness": 1.0, "covered_fraction": 0.0}
     return {
         "width": 20,
         "height": 10,
         "base": 0,
         "orientation": {"rotation_deg": 90, "mirrored": False, "confidence": None},
         "patches": [placed] * (photos - 1)
-        + [{"placed": False, "mesh": None, "scale": None, "sharpness": None}],
+        + [{"placed": False, "mesh": None, "scale": None, "sharpness": None, "covered_fraction": None}],
         "pairs": [
             {
                 "a": 0,

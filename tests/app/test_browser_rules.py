@@ -1,5 +1,7 @@
 """Security headers of every kind of response, and requests that pages of other sites send."""
 
+import json
+
 import httpx
 import pytest
 
@@ -97,3 +99,15 @@ def test_a_key_in_the_address_is_no_key() -> None:
             response = client.get("/layout/models", params={name: "secret"})
             assert response.status_code in (401, 403)
             assert "secret" not in response.text
+
+
+def test_what_shows_the_page_without_a_network_is_there_and_needs_no_key() -> None:
+    with serving(api_keys="secret") as client:
+        worker = client.get("/service-worker.js")
+        assert worker.headers["content-type"].startswith("text/javascript")
+        assert policy(worker)["default-src"] == "'none'"
+        files = json.loads(worker.text.split("const FILES = ")[1].split(";\n")[0])
+        manifest = client.get("/static/manifest.json").json()
+        icons = [f"static/{icon['src']}" for icon in manifest["icons"]]
+        assert {"static/main.js", "static/scan/view.js", "static/manifest.json", *icons} <= set(files)
+        assert [file for file in files if client.get(f"/{file}").status_code != 200] == []

@@ -155,6 +155,17 @@ def test_pages_are_bound_in_their_order_each_as_it_was_last_answered(client: htt
     assert_problem(gone, 404, "not-found")
 
 
+def test_reading_a_page_changes_nothing_that_was_said(client: httpx.Client) -> None:
+    path = keep(client)
+    turned = render(client, path, rotate=90, format="json").json()
+    small = render(client, path, format="json", max_width=20).json()
+    assert (small["width"], small["orientation"]["rotation_deg"]) == (20, 90)
+    assert client.get(path, headers=ALICE).json()["width"] == turned["width"] == 60
+    assert_problem(render(client, path, text=True, language="xx1"), 422, "invalid-option")
+    bound = {"pages": [path.removeprefix("/pages/")], "format": "txt", "language": "nolanguage"}
+    assert_problem(client.post("/pages/bind", json=bound, headers=ALICE), 422, "invalid-option")
+
+
 def test_a_page_is_its_owners_and_admins_see_all(client: httpx.Client) -> None:
     path = keep(client)
     for method, hidden in (("GET", path), ("GET", f"{path}/photo"), ("DELETE", path)):

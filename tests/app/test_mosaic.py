@@ -49,8 +49,8 @@ def test_an_image_answer_carries_the_facts_as_headers(client: httpx.Client) -> N
 def test_a_json_answer_is_the_contract_s_result(client: httpx.Client) -> None:
     response = post(client, {"format": "json"})
     assert list(response.json()) == [
-        "width", "height", "base", "orientation", "patches", "pairs", "unplaced", "text", "warnings",
-        "timings_ms", "image", "image_media_type",
+        "width", "height", "base", "orientation", "patches", "pairs", "surface", "unplaced", "text", "warnings",
+        "timings_ms", "image", "image_media_type", "page_id",
     ]  # fmt: skip
     result = MosaicResult.model_validate(response.json())
     assert result.patches[0].mesh is not None

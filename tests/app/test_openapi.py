@@ -245,8 +245,9 @@ def test_the_form_is_documented_field_by_field() -> None:
 def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
     assert list(fields) == [
-        "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "camera", "text", "language",
-        "format", "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "callback_url",
+        "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "keep_photo", "camera", "text",
+        "language", "format", "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title",
+        "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
@@ -398,12 +399,9 @@ def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
 def test_the_headers_of_images_are_documented() -> None:
     for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
         headers = DOCUMENT["paths"][path]["post"]["responses"]["200"]["headers"]
-        pages = (
-            ["Document-Pages", "Document-Advice", "Document-Page-Id", "Document-Failed"]
-            if path == "/rectify"
-            else []
-        )
-        assert list(headers) == [own, "Document-Rotation", "Document-Warnings", "Server-Timing", *pages]
+        pages = ["Document-Pages", "Document-Advice", "Document-Failed"] if path == "/rectify" else []
+        common = ["Document-Rotation", "Document-Warnings", "Document-Page-Id", "Server-Timing"]
+        assert list(headers) == [own, *common, *pages]
 
 
 # A long text of a pattern takes a while to be drawn, on a busy machine longer than hypothesis likes: no fault of ours.

@@ -12,6 +12,9 @@ from tests.end_to_end.browser import CHROMIUM, SECONDS
 DESKTOP = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}
 
+WORKER_IS_OFF = "Service Worker registration blocked"
+"""What Playwright says where a test has switched the service worker off."""
+
 
 @dataclass(slots=True)
 class Visit:
@@ -21,20 +24,26 @@ class Visit:
     complaints: list[str] = field(default_factory=list)
     other_hosts: list[str] = field(default_factory=list)
     addresses: list[str] = field(default_factory=list)
+    sent: list[str] = field(default_factory=list)
+    """Method and path of each request to the service."""
 
     def open(self, view: str) -> None:
         """Go to a view by its link."""
         self.page.get_by_role("navigation", name="Views").get_by_role("link", name=view).click()
         expect(self.page.get_by_role("heading", name=view, level=1)).to_be_visible()
 
+    def count(self, request: str) -> int:
+        """How often a request was sent, as `POST /rectify`."""
+        return self.sent.count(request)
+
     def check(self) -> None:
         """No error in the console, no violation of the policy, no request to another host."""
-        assert self.complaints == []
+        assert self.complaints == [], self.complaints
         assert self.other_hosts == []
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
+def chromium(*options: str) -> Iterator[Browser]:
     """A headless Chromium."""
     expect.set_options(timeout=SECONDS * 1000)
     with sync_playwright() as playwright:
@@ -45,6 +54,7 @@ def chromium() -> Iterator[Browser]:
                 "--disable-dev-shm-usage",
                 "--disable-gpu",
                 "--disable-background-networking",
+                *options,
             ],
         )
         try:
@@ -55,25 +65,32 @@ def chromium() -> Iterator[Browser]:
 
 @contextmanager
 def visiting(browser: Browser, url: str, **options: object) -> Iterator[Visit]:
-    """A new tab with storage of its own that shows the page of the service at `url`."""
-    context = browser.new_context(**{"viewport": DESKTOP, "accept_downloads": True, **options})
+    """A new tab with storage of its own that shows the page of the service at `url`.
+
+    The page's service worker is off unless `options` allow it: it would answer before a test does.
+    """
+    usual = {"viewport": DESKTOP, "accept_downloads": True, "service_workers": "block"}
+    context = browser.new_context(**{**usual, **options})
     context.set_default_timeout(SECONDS * 1000)
     page = context.new_page()
     visit = Visit(page)
     host = urlsplit(url).netloc
 
-    def note_request(address: str) -> None:
+    def note_request(method: str, address: str) -> None:
         visit.addresses.append(address)
+        visit.sent.append(f"{method} {urlsplit(address).path}")
         parts = urlsplit(address)
         if parts.scheme in ("http", "https") and parts.netloc != host:
             visit.other_hosts.append(address)
 
-    page.on("request", lambda request: note_request(request.url))
+    page.on("request", lambda request: note_request(request.method, request.url))
     page.on("pageerror", lambda error: visit.complaints.append(str(error)))
     page.on(
         "console",
         lambda message: (
-            visit.complaints.append(message.text) if message.type in ("error", "warning") else None
+            visit.complaints.append(message.text)
+            if message.type in ("error", "warning") and WORKER_IS_OFF not in message.text
+            else None
         ),
     )
     try:

@@ -1,7 +1,7 @@
 // View "Layout": a page in, its class and the labels of its zones out, to be corrected.
 
 import { button, checkbox, labelled, make, notify, problemNote, select, setOptions } from "../elements.js";
-import { sizeOf } from "../flatten/pictures.js";
+import { sizeOf } from "../pictures.js";
 import { formFields, get, work } from "../service.js";
 import { PageEditor } from "./editor.js";
 import { keptPicture } from "./picture.js";

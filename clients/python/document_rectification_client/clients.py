@@ -28,8 +28,8 @@ TIMEOUT = httpx.Timeout(60.0, connect=10.0, read=600.0)
 class Client:
     """Sends photos to the service at `url`, and waits for the answers.
 
-    All methods raise `ProblemError`; a `url` that is none is a ValueError. Options are those of the service's forms (docs/api.md). With `progress` the work
-    is a job, and the function is called with its state until it ends.
+    All methods raise `ProblemError`; a `url` that is none is a ValueError. Options are those of the service's forms
+    (docs/api.md). With `progress` the work is a job, and the function is called with its state until it ends.
 
     Parameters
     ----------

@@ -456,6 +456,8 @@ class PlainMosaicResult:
     """The image in base64, if `embed` was set."""
     image_media_type: str | None = None
     """Media type of `image`; null without it."""
+    page_id: str | None = None
+    """Id of the kept page, as in /pages/{id}; null: the page was not kept."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -551,6 +553,8 @@ class PlainPatch:
     """Pixels of the mosaic per pixel of the photo, at its centre."""
     sharpness: float | None = None
     """Sharpness of its text relative to the sharpest photo."""
+    covered_fraction: float | None = None
+    """Share of its part of the page that glare, a shadow or a finger hides, and that other photos show."""
     camera: PlainSheetCamera | None = None
     """Its camera, if the page has a `surface`."""
 

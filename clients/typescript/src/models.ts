@@ -427,6 +427,8 @@ export interface components {
             image?: string;
             /** @description Media type of `image`; null without it. */
             image_media_type?: string;
+            /** @description Id of the kept page, as in /pages/{id}; null: the page was not kept. */
+            page_id?: string;
         };
         /** @description Rotation and mirroring that turned the flat view upright. */
         PlainOrientation: {
@@ -507,6 +509,8 @@ export interface components {
             scale?: number;
             /** @description Sharpness of its text relative to the sharpest photo. */
             sharpness?: number;
+            /** @description Share of its part of the page that glare, a shadow or a finger hides, and that other photos show. */
+            covered_fraction?: number;
             /** @description Its camera, if the page has a `surface`. */
             camera?: components["schemas"]["PlainSheetCamera"];
         };

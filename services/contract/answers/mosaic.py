@@ -65,6 +65,12 @@ class Patch(Answer):
     sharpness: float | None = Field(
         ge=0, le=1, description="Sharpness of its text relative to the sharpest photo."
     )
+    covered_fraction: float | None = Field(
+        default=None,
+        ge=0,
+        le=1,
+        description="Share of its part of the page that glare, a shadow or a finger hides, and that other photos show.",
+    )
     camera: SheetCamera | None = Field(default=None, description="Its camera, if the page has a `surface`.")
 
 
@@ -102,3 +108,6 @@ class MosaicResult(Answer):
     timings_ms: dict[str, float]
     image: Embedded = None
     image_media_type: EmbeddedMediaType = None
+    page_id: str | None = Field(
+        default=None, description="Id of the kept page, as in /pages/{id}; null: the page was not kept."
+    )

@@ -36,6 +36,8 @@ INK_SHARE = 0.25
 border of that print and would connect words."""
 NOISE_FACTOR = 3.0
 """Least gradient of print relative to the gradient of bare paper."""
+HIDDEN = np.uint8(1)
+"""Share of a hidden cell that a photo shows, of 255."""
 LEAST_PRINT = 0.005
 """Added to the share of print in a window: with less print than this there is no comparison."""
 
@@ -82,7 +84,8 @@ class PatchMaps:
     Attributes
     ----------
     box : rectangle of the mosaic's cells that the maps cover.
-    covered : 255 where the photo shows the whole cell, 0 where it shows nothing of it.
+    covered : 255 where the photo shows the whole cell, 0 where it shows nothing of it, 1 where it is hidden: the photo
+        is used there if no other shows more.
     ink : strength of print relative to the strongest print within a text height (255); 0 without print.
     energy : (rows, columns, 2) mean squared gradient of brightness relative to paper, per mosaic pixel, across and
         down, minus that of noise.
@@ -126,6 +129,11 @@ def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
             energy[at] = _squared_gradient(drawn, size)
             whole = np.ascontiguousarray(found.covered[1:-1, 1:-1])
             covered[at] = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
+    hidden = patch.placed.hidden
+    if hidden is not None and hidden.cells.any():
+        first = grid.pixels(box)
+        there = hidden.over(first.left, first.top, grid.side, box.width, box.height)
+        covered[there] = np.minimum(covered[there], HIDDEN)
     return _relate_to_paper(box, covered, gray, energy, grid.text_height)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Floats
 from services.imaging.channels import strongest_channel
@@ -161,7 +162,7 @@ def _measure_blocks(view: CanvasView) -> tuple[Floats, Floats]:
     return np.log(np.maximum(color / np.maximum(share, 1e-6)[..., None], 1.0)), weight
 
 
-def to_cells(image: FloatImage) -> FloatImage:
+def to_cells(image: FloatImage | NDArray[np.uint8]) -> FloatImage:
     """Means over the cells of an image; at least one cell remains."""
     size = (max(1, image.shape[1] // CELL_PX), max(1, image.shape[0] // CELL_PX))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)

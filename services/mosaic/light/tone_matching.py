@@ -23,6 +23,13 @@ from services.mosaic.light.canvas import (
     draw_reduced,
     frame_canvas,
 )
+from services.mosaic.light.hidden_parts import (
+    HiddenCells,
+    HiddenPart,
+    find_hidden_cells,
+    hidden_part,
+    show_only,
+)
 from services.mosaic.light.light_field import (
     bright_parts,
     fit_light,
@@ -61,9 +68,21 @@ LIGHTEST_INK = 0.55
 photo the strokes would merge."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MatchedTones:
+    """For each photo its tones, and the part of it that something hides and another photo shows.
+
+    `glare` is the part of the page that is white in all photos of it; None without photos.
+    """
+
+    maps: tuple[ToneMap, ...] = ()
+    hidden: tuple[HiddenPart, ...] = ()
+    glare: HiddenPart | None = None
+
+
 def match_tones(
     photos: Sequence[FlatPhoto], placements: Sequence[Placement], illumination: Illumination
-) -> tuple[ToneMap, ...]:
+) -> MatchedTones:
     """One tone map for each photo, such that the light of all photos agrees.
 
     Without print on paper only gains are matched. The result does not depend on the order of the photos.
@@ -79,7 +98,7 @@ def match_tones(
         from its neighbours. Pictures get the light of the paper around them. Looks of a scanner are made of that.
     """
     if not photos:
-        return ()
+        return MatchedTones()
     canvas, boxes = frame_canvas(photos, placements, VIEW_LONG_SIDE_PX)
     views = [
         draw_on_canvas(photo, placement, canvas, box)
@@ -104,9 +123,16 @@ def match_tones(
         changes = [np.broadcast_to(identity, gain.shape) for gain in gains]
     else:
         changes = _normalizations(photos, grids, gains, levels, canvas)
-    return tuple(
+    tones = tuple(
         ToneMap(np.dstack([gain, change]), *photo.size)
         for photo, gain, change in zip(photos, gains, changes, strict=True)
+    )
+    hidden = tuple(
+        hidden_part(cells, to_cells(view.feather) > 0, (view.left, view.top), canvas)
+        for cells, view in zip(lights.hidden.of_views, views, strict=True)
+    )
+    return MatchedTones(
+        tones, hidden, hidden_part(lights.hidden.clipped, lights.hidden.shown, (0, 0), canvas)
     )
 
 
@@ -114,11 +140,12 @@ def match_tones(
 class MatchedLight:
     """Gains (h, w, 3) of every view at its cells, and the page after their application.
 
-    `page` (H, W, 3) float32 is the mean of all views. `shown` (H, W) is true where any view exists, `inner` (H, W)
-    where a view exists far enough inside its borders.
+    `page` (H, W, 3) float32 is the mean of all views, without their `hidden` cells. `shown` (H, W) is true where
+    any view exists, `inner` (H, W) where a view exists far enough inside its borders.
     """
 
     fields: tuple[FloatImage, ...]
+    hidden: HiddenCells
     page: FloatImage
     shown: Mask
     inner: Mask
@@ -135,25 +162,28 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas) -> MatchedLight:
         np.exp(node_field(nodes, *view.shown.shape))
         for nodes, view in zip(fit_light(views), views, strict=True)
     ]
+    hidden = find_hidden_cells(views, fields)
+    clear = [show_only(view, cells) for view, cells in zip(views, hidden.of_views, strict=True)]
     page = np.zeros((canvas.height, canvas.width, 3), np.float32)
     weight = np.zeros((canvas.height, canvas.width), np.float32)
     inner = np.zeros((canvas.height, canvas.width), bool)
     well_within = WELL_WITHIN * max(canvas.height, canvas.width)
-    for view, gain in zip(views, fields, strict=True):
+    for view in views:
         inner[view.box] |= view.feather > well_within
+    for view, gain in zip(clear, fields, strict=True):
         page[view.box] += view.image * gain * view.feather[..., None]
         weight[view.box] += view.feather
     page /= np.maximum(weight, 1e-6)[..., None]
     bright = bright_parts(page) * (weight > 0)
     followed = []
-    for view, gain in zip(views, fields, strict=True):
+    for view, gain in zip(clear, fields, strict=True):
         compared = bright[view.box] * view.shown
         share = to_cells(compared)
         there = spread(to_cells(page[view.box] * compared[..., None]), share, WINDOWS_CELLS)
         here = spread(to_cells(view.image * gain * compared[..., None]), share, WINDOWS_CELLS)
         followed.append(to_cells(gain) * (there + 1) / (here + 1))
-    overall = _overall_gain(views, page, bright, BRIGHTEST_PAPER)
-    return MatchedLight(tuple(gain * overall for gain in followed), page * overall, weight > 0, inner)
+    overall = _overall_gain(clear, page, bright, BRIGHTEST_PAPER)
+    return MatchedLight(tuple(gain * overall for gain in followed), hidden, page * overall, weight > 0, inner)
 
 
 def _with_neutral_paper(lights: MatchedLight) -> MatchedLight:

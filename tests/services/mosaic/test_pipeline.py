@@ -190,6 +190,19 @@ def test_scale_and_sharpness_of_every_patch(three: MosaicResult) -> None:
     assert max(patch.sharpness or 0.0 for patch in three.patches) == 1.0
 
 
+def test_a_fingertip_on_one_photo_is_told_and_not_on_the_page(three: MosaicResult) -> None:
+    taken = photos()
+    x, y = cv2.perspectiveTransform(np.array([[[550.0, 700.0]]]), CAMERAS[0])[0, 0]
+    cv2.circle(taken[0], (round(x), round(y)), 45, (196, 120, 90), -1)
+    found = mosaic(taken, AS_LAID)
+    covered = [patch.covered_fraction or 0.0 for patch in found.patches]
+    assert 0.004 < covered[0] < 0.02
+    assert covered[1:] == [0.0, 0.0]
+    red = found.image.astype(int)[..., 0] - found.image[..., 2]
+    assert (red > 60).mean() < 1e-4
+    assert [patch.covered_fraction for patch in three.patches] == [0.0, 0.0, 0.0]
+
+
 def assert_same_page(one: MosaicResult, other: MosaicResult, order: Sequence[int]) -> None:
     """Photo k of `other` is photo order.index(k) of `one`."""
     assert one.image.shape == other.image.shape

@@ -79,7 +79,7 @@ class MosaicPipeline:
         return MosaicResult(
             photos[0],
             0,
-            (*(Patch(True, mesh, self.scale, 1.0) for _ in photos[1:]), Patch(False)),
+            (*(Patch(True, mesh, self.scale, 1.0, 0.0) for _ in photos[1:]), Patch(False)),
             (
                 Pair(
                     a=0,

@@ -40,7 +40,14 @@ def test_the_answer_is_the_contracts() -> None:
     document = json.loads(json.dumps(document_of(run(PNGS))), parse_constant=reject_constant)
     assert list(document.pop("timings_ms")) == ["decode", "registration", "composition", "encode"]
     mesh = {"rows": 2, "columns": 2, "target": [[[0, 0.333], [9, 0]], [[0, 9], [9, 9]]]}
-    placed = {"placed": True, "mesh": mesh, "scale": 1.2346, "sharpness": 1.0, "camera": None}
+    placed = {
+        "placed": True,
+        "mesh": mesh,
+        "scale": 1.2346,
+        "sharpness": 1.0,
+        "covered_fraction": 0.0,
+        "camera": None,
+    }
     assert document == {
         "width": 60,
         "height": 40,
@@ -69,6 +76,7 @@ def test_the_answer_is_the_contracts() -> None:
         "text": None,
         "image": None,
         "image_media_type": None,
+        "page_id": None,
     }
 
 

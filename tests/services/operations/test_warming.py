@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from services.contract.worker_facts import WorkerFacts
 from services.errors import NoText
 from services.operations import rectify, warming
 from services.operations.reader import ocr_engine
@@ -17,8 +18,7 @@ from tests.services.operations.pipelines import RectifyPipeline
 def test_an_engine_is_opened_once_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = ocr_engine(), ocr_engine()
     assert first is second
-    state = warm_up()
-    assert state["ocr"] == (None if first is None else first.name)
+    assert warm_up().ocr == (None if first is None else first.name)
 
 
 @pytest.mark.parametrize("refusal", [NoText("Nothing to read."), None])
@@ -33,7 +33,7 @@ def test_warming_up_runs_the_whole_road(
 
     monkeypatch.setattr(rectify, "rectify", refuse)
     monkeypatch.setattr(warming, "ocr_engine", lambda: None)
-    assert warm_up() == {"ocr": None, "languages": []}
+    assert warm_up() == WorkerFacts(None, ())
     assert len(pipeline.calls) == 1
 
 

@@ -2,7 +2,7 @@
 
 import tracemalloc
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,8 +10,9 @@ import pytest
 
 from services.arrays import Mask, RgbImage
 from services.contract.mosaic import Composition
-from services.geometry.homographies import scaling
+from services.geometry.homographies import scaling, translation
 from services.mosaic.composition.composed_page import compose_page
+from services.mosaic.light.hidden_parts import HiddenPart
 from services.mosaic.placed_photo import PlacedPhoto
 from tests.services.mosaic.cuttings import TEXT_HEIGHT_PX, Box, cut, in_color, place, prose
 
@@ -128,6 +129,23 @@ def test_the_blurred_photo_loses(page: RgbImage) -> None:
         result = compose_page(placed, WIDTH, HEIGHT, "selective", TEXT_HEIGHT_PX)
         assert result.sharpness[sharp] == 1.0
         assert 0.2 < result.sharpness[1 - sharp] < 0.9
+
+
+def test_words_that_are_hidden_come_from_the_other_photo(page: RgbImage) -> None:
+    """To the last pixel, although the photo that hides them is the sharper one."""
+    whole = Box(0, 0, WIDTH, HEIGHT)
+    placed = [cut(page, whole, blur_px=0.5), cut(page, whole, index=1, blur_px=0.8)]
+    cells = np.zeros((HEIGHT // 10, WIDTH // 10), bool)
+    cells[20:40, 30:60] = True
+    hidden = HiddenPart(cells, np.ones_like(cells), scaling(0.1) @ translation(-4.5, -4.5))
+    image = composed([replace(placed[0], hidden=hidden), placed[1]])
+    sharp, other = (composed([one]) for one in placed)
+    from_other = [word.off(image, other) for word in words([Box(300, 200, 600, 400)]) if word.holders]
+    assert len(from_other) > 10
+    assert max(from_other) == 0
+    from_first = [word.off(image, sharp) for word in words([Box(0, 440, WIDTH, HEIGHT)]) if word.holders]
+    assert len(from_first) > 10
+    assert max(from_first) == 0
 
 
 def test_three_photos_partly_on_each_other(page: RgbImage) -> None:

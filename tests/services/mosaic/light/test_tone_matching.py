@@ -114,7 +114,7 @@ def toned(photo: FlatPhoto, tones: ToneMap) -> RgbImage:
 
 def on_page(photos: list[tuple[FlatPhoto, Placement]], illumination: str) -> list[NDArray[np.float32]]:
     """Toned photos (H, W, 3) in the page's frame, not-a-number where they show nothing."""
-    maps = match_tones([p for p, _ in photos], [q for _, q in photos], illumination)  # type: ignore[arg-type]
+    maps = match_tones([p for p, _ in photos], [q for _, q in photos], illumination).maps  # type: ignore[arg-type]
     layers = []
     for (photo, placement), tones in zip(photos, maps, strict=True):
         layer = np.full((HEIGHT, WIDTH, 3), np.nan, np.float32)
@@ -178,9 +178,9 @@ def test_four_photos_agree_and_their_mean_light_stays(page: NDArray[np.float64])
 
 def test_the_order_of_photos_does_not_matter(page: NDArray[np.float64]) -> None:
     photos = quarters(page)
-    expected = match_tones([p for p, _ in photos], [q for _, q in photos], "normalize")
+    expected = match_tones([p for p, _ in photos], [q for _, q in photos], "normalize").maps
     order = [2, 0, 3, 1]
-    found = match_tones([photos[k][0] for k in order], [photos[k][1] for k in order], "normalize")
+    found = match_tones([photos[k][0] for k in order], [photos[k][1] for k in order], "normalize").maps
     for k, tones in zip(order, found, strict=True):
         assert np.allclose(tones.coefficients, expected[k].coefficients, rtol=1e-4, atol=1e-2)
 
@@ -281,30 +281,30 @@ def test_a_shadow_in_one_photo_leaves_no_hard_seam(page: NDArray[np.float64]) ->
 
 def test_one_photo_is_normalized_as_an_image_is(page: NDArray[np.float64]) -> None:
     photo, placement = take(page, (0, 0, WIDTH, HEIGHT), warm(slope), 0)
-    (tones,) = match_tones([photo], [placement], "normalize")
+    (tones,) = match_tones([photo], [placement], "normalize").maps
     difference = np.abs(toned(photo, tones).astype(float) - normalize_illumination(photo.photo))
     difference = difference[(np.arange(HEIGHT) < 430) | (np.arange(HEIGHT) > 930)]  # beside the picture
     assert np.mean(difference) < 3
     assert np.quantile(difference, 0.98) < 16
-    (kept,) = match_tones([photo], [placement], "keep")
+    (kept,) = match_tones([photo], [placement], "keep").maps
     assert np.allclose(kept.coefficients[..., :3], 1.0, atol=1e-3)
 
 
 def test_parts_that_do_not_meet_keep_their_own_light(page: NDArray[np.float64]) -> None:
     photos = [take(page, (0, 0, WIDTH, 600), even, 0), take(page, (0, 800, WIDTH, HEIGHT), dim(even, 0.5), 1)]
-    for tones in match_tones([p for p, _ in photos], [q for _, q in photos], "keep"):
+    for tones in match_tones([p for p, _ in photos], [q for _, q in photos], "keep").maps:
         assert np.allclose(tones.coefficients[..., :3], 1.0, atol=2e-3)
 
 
 @pytest.mark.parametrize("illumination", ["keep", "normalize"])
 def test_blank_and_unseen_views_change_nothing_else(page: NDArray[np.float64], illumination: str) -> None:
     blank = take(np.ones_like(page), LOWER, even, 0)
-    maps = match_tones([blank[0]], [blank[1]], illumination)  # type: ignore[arg-type]
+    maps = match_tones([blank[0]], [blank[1]], illumination).maps  # type: ignore[arg-type]
     assert np.abs(toned(blank[0], maps[0]).astype(int) - blank[0].photo).max() <= 1
     seen, placement = take(page, UPPER, vignette, 0)
     nothing = FlatPhoto(1, seen.photo, seen.frame, seen.gray, np.zeros_like(seen.shown), 25.0, 1.0, 1.0)
-    with_nothing = match_tones([seen, nothing], [placement, placement], illumination)  # type: ignore[arg-type]
-    alone = match_tones([seen], [placement], illumination)  # type: ignore[arg-type]
+    with_nothing = match_tones([seen, nothing], [placement, placement], illumination).maps  # type: ignore[arg-type]
+    alone = match_tones([seen], [placement], illumination).maps  # type: ignore[arg-type]
     assert np.allclose(with_nothing[0].coefficients, alone[0].coefficients, rtol=1e-3, atol=1e-2)
     assert np.isfinite(with_nothing[1].coefficients).all()
 
@@ -329,8 +329,8 @@ def test_bent_views_and_displaced_ones_are_matched_where_they_really_lie(page: N
     H = np.array([[1.0, 0, -30], [0, 1, 600], [0, 0, 1]])
     displaced = Placement(H, DisplacementField(bent, *second.size))
     straight = Placement(np.array([[1.0, 0, 0], [0, 1, 600], [0, 0, 1]]))
-    found = match_tones([first, second], [place, displaced], "keep")
-    expected = match_tones([first, second], [place, straight], "keep")
+    found = match_tones([first, second], [place, displaced], "keep").maps
+    expected = match_tones([first, second], [place, straight], "keep").maps
     for one, other in zip(found, expected, strict=True):
         assert np.quantile(np.abs(one.coefficients - other.coefficients), 0.99) < 0.01
     assert np.median(
@@ -339,4 +339,4 @@ def test_bent_views_and_displaced_ones_are_matched_where_they_really_lie(page: N
 
 
 def test_no_photos_no_maps() -> None:
-    assert match_tones([], [], "keep") == ()
+    assert match_tones([], [], "keep").maps == ()

@@ -1,6 +1,6 @@
 // Pictures that the page shows: uploads as they are, and images that come in JSON.
 
-import { address } from "../service.js";
+import { address } from "./service.js";
 
 const STARTS = { "/9j/": "image/jpeg", iVBOR: "image/png", UklGR: "image/webp" };
 

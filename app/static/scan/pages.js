@@ -1,0 +1,111 @@
+// The pages of the scan screen in their order. A change of one is stored in the browser and told to who listens.
+
+import { filesOf, forgetPage, storedPages, storedSettings, storeFiles, storePage, storeSettings } from "./storage.js";
+
+const SETTINGS = { name: "", language: "", look: "normalize", photos: "page" };
+
+/** A name that no other page has. `crypto.randomUUID` exists over TLS only. */
+const newKey = () => Array.from(crypto.getRandomValues(new Uint32Array(4)), (part) => part.toString(36)).join("-");
+
+/**
+ * A page is an object of
+ * - `key`, `place` (its number in the order), `kind` ("page"; "spread": both pages of a book; "joined": of many photos),
+ *   `names` of its files,
+ * - `state`: "waiting", "working", "ready" or "failed" (with `problem`); `job` while the service works at it,
+ * - `id` of the kept page, `picture` (a Blob), `facts` and `look`, once it is flat; `readIn`: the language of its text,
+ * - `isChanging` while another picture of it is on its way (not stored).
+ *
+ * Events: "list" (the pages or their order), "page" (`detail` is the page).
+ */
+export class Pages extends EventTarget {
+  constructor() {
+    super();
+    this.list = [];
+    this.settings = { ...SETTINGS };
+    this.loaded = this.load();
+  }
+
+  /** Takes up what the browser has stored: what was under way goes on, or begins again. */
+  async load() {
+    this.settings = { ...SETTINGS, ...(await storedSettings()) };
+    const stored = (await storedPages()).map((page) => ({ ...page, state: page.state === "working" ? "waiting" : page.state }));
+    this.list = stored.sort((a, b) => a.place - b.place);
+  }
+
+  tell(name, detail) {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+
+  set(settings) {
+    Object.assign(this.settings, settings);
+    return storeSettings(this.settings);
+  }
+
+  /** Adds photos at the end: each a page, or all of them one page that is joined. */
+  async add(files) {
+    await this.loaded; // a person may be faster than the browser
+    const kind = this.settings.photos;
+    const groups = kind === "joined" ? [files] : files.map((file) => [file]);
+    for (const group of groups) {
+      const page = this.newPage({ kind, names: group.map((file) => file.name) });
+      this.list.push(page);
+      await storeFiles(page.key, group);
+      await storePage(page);
+    }
+    this.tell("list");
+  }
+
+  /** Adds photos to a page that is joined of many. */
+  async addTo(page, files) {
+    const all = [...(await filesOf(page.key)), ...files];
+    await storeFiles(page.key, all);
+    this.update(page, { names: all.map((file) => file.name), state: "waiting", problem: null, id: null, job: null });
+  }
+
+  newPage(more) {
+    const place = 1 + Math.max(0, ...this.list.map((page) => page.place));
+    const empty = { id: null, job: null, problem: null, picture: null, facts: null, readIn: null };
+    return { key: newKey(), place, look: this.settings.look, state: "waiting", ...empty, ...more };
+  }
+
+  /** Adds the second page of a photo behind its first one. */
+  insertAfter(page, more) {
+    const next = this.list[this.list.indexOf(page) + 1];
+    const place = next ? (page.place + next.place) / 2 : page.place + 1;
+    const added = { ...this.newPage(more), place };
+    this.list.splice(this.list.indexOf(page) + 1, 0, added);
+    this.tell("list");
+    return storePage(added);
+  }
+
+  update(page, changes) {
+    Object.assign(page, changes);
+    if (!this.list.includes(page)) return undefined; // it was removed meanwhile
+    this.tell("page", page);
+    const { isChanging, ...stored } = page;
+    return storePage(stored);
+  }
+
+  /** Moves a page by one place: -1 earlier, 1 later. */
+  async move(page, by) {
+    const at = this.list.indexOf(page);
+    const other = this.list[at + by];
+    if (!other) return;
+    [page.place, other.place] = [other.place, page.place];
+    [this.list[at], this.list[at + by]] = [other, page];
+    this.tell("list");
+    await Promise.all([this.update(page, {}), this.update(other, {})]);
+  }
+
+  async remove(page) {
+    this.list = this.list.filter((one) => one !== page);
+    this.tell("list");
+    await forgetPage(page.key);
+  }
+
+  /** Numbers for a line such as "2 of 3 pages are ready". */
+  get count() {
+    const of = (state) => this.list.filter((page) => page.state === state).length;
+    return { all: this.list.length, ready: of("ready"), failed: of("failed"), open: of("waiting") + of("working") };
+  }
+}

@@ -1,0 +1,206 @@
+// View "Flatten": photos or the camera in, a strip of flat pages, one document out.
+
+import { button, confirmed, labelled, make, notify, select } from "../elements.js";
+import { showImage } from "../pictures.js";
+import { hasCamera, useCamera } from "./camera.js";
+import { editCorners } from "./corners.js";
+import { FilesBar } from "./files_bar.js";
+import { Kept } from "./kept.js";
+import { PageItem } from "./page_item.js";
+import { Pages } from "./pages.js";
+import { KINDS, progressText } from "./words.js";
+import { AGAIN_MS, Work } from "./work.js";
+
+const ACCEPTED = "image/*,.heic,.heif,.tif,.tiff,.webp";
+
+export function createView() {
+  const pages = new Pages();
+  const kept = new Kept(pages);
+  const work = new Work(pages, kept);
+  const items = new Map(); // by page
+  const bar = new FilesBar(pages, kept, clear);
+  const photos = make("input", { type: "file", multiple: true, accept: ACCEPTED, onchange: () => add([...photos.files]) });
+  const capture = make("input", { type: "file", accept: "image/*", capture: "environment", class: "unseen", tabindex: "-1", "aria-label": "Phone's own", onchange: () => add([...capture.files]) });
+  const camera = button("Camera", openCamera, "primary");
+  const kind = select(KINDS, "page", () => pages.set({ photos: kind.value }));
+  const drop = make(
+    "div",
+    { class: "panel drop", ondragover: over, ondragleave: over, ondrop: dropped },
+    make("div", { class: "field" }, camera, capture),
+    labelled("Photos", photos),
+    labelled("Each photo shows", kind),
+  );
+  const meter = make("progress", { max: 1, value: 0, "aria-label": "Pages that are ready" });
+  const line = make("span", { role: "status" });
+  const again = button("Flatten", () => work.again());
+  const progress = make("p", { class: "progress", hidden: true }, meter, line, again);
+  const strip = make("ol", { class: "pages", "aria-label": "Pages" });
+  const empty = make(
+    "div",
+    { class: "panel empty", hidden: true },
+    make("p", {}, "Photograph a page, or choose photos. Each becomes a flat page here, and all of them one PDF."),
+    button("Try an example", example),
+  );
+  const element = make("div", { class: "view scan" }, make("h1", {}, "Flatten"), drop, progress, empty, strip, bar.element);
+  const acts = {
+    corners: (page) => editCorners(page, kept).catch((problem) => kept.refused(page, problem)),
+    rotate: (page) => kept.change(page, (facts) => ({ rotate: (facts.rotation + 90) % 360 })).then(() => work.start()),
+    look: setLook,
+    lookForAll: ({ look }) => Promise.all(pages.list.filter((page) => page.state === "ready" && page.look !== look).map((page) => setLook(page, look))),
+    move,
+    remove,
+    view: showWhole,
+    again: (page) => {
+      pages.update(page, { state: "waiting", problem: null });
+      work.resume();
+    },
+    addTo: async (page, files) => {
+      await pages.addTo(page, files);
+      work.start();
+    },
+  };
+
+  function over(event) {
+    event.preventDefault();
+    drop.classList.toggle("is-over", event.type === "dragover");
+  }
+
+  function dropped(event) {
+    over(event);
+    event.stopPropagation();
+    drop.classList.remove("is-over");
+    add([...event.dataTransfer.files]);
+  }
+
+  document.addEventListener("paste", (event) => {
+    if (element.isConnected && event.clipboardData.files.length) add([...event.clipboardData.files]);
+  });
+
+  async function add(files) {
+    photos.value = capture.value = "";
+    if (!files.length) return;
+    await pages.add(files);
+    work.start();
+  }
+
+  /** The camera in the page; without one, or where the person does not allow it, that of the phone. */
+  async function openCamera() {
+    if (!hasCamera()) return capture.click();
+    try {
+      await useCamera((file) => add([file]));
+    } catch {
+      notify("The page may not use a camera here. Choose photos, or take them with the phone's own camera.");
+      capture.classList.remove("unseen");
+      capture.removeAttribute("tabindex");
+      capture.focus();
+    }
+    return camera.focus();
+  }
+
+  async function example() {
+    const response = await fetch(new URL("example.jpg", import.meta.url));
+    await add([new File([await response.blob()], "Example.jpg", { type: "image/jpeg" })]);
+  }
+
+  async function move(page, by) {
+    await pages.move(page, by);
+    const item = items.get(page);
+    item.element.scrollIntoView({ block: "nearest", inline: "nearest" });
+    const pressed = by < 0 ? item.earlier : item.later;
+    (pressed.disabled ? (by < 0 ? item.later : item.earlier) : pressed).focus();
+    notify(`It is page ${pages.list.indexOf(page) + 1} now.`);
+  }
+
+  async function remove(page) {
+    const at = pages.list.indexOf(page);
+    await kept.remove(page);
+    const next = pages.list[Math.min(at, pages.list.length - 1)];
+    (next ? items.get(next).element.querySelector("button:not([hidden])") : camera).focus();
+    notify("The page is removed.");
+  }
+
+  async function clear() {
+    const text = "All pages are deleted, here and in the service.";
+    if (!(await confirmed("Clear all pages?", text, "Delete all"))) return;
+    await Promise.all(pages.list.map((page) => kept.remove(page)));
+    await pages.set({ name: "" });
+    bar.name.value = "";
+    camera.focus();
+  }
+
+  /** Changes the look of a page; photos that come later have it too. */
+  async function setLook(page, look) {
+    await pages.set({ look });
+    await kept.change(page, () => ({ illumination: look }));
+    work.start();
+  }
+
+  /** A page alone, as large as the window or at full size. */
+  async function showWhole(page) {
+    if (!page.picture) return;
+    const picture = make("img", { alt: "Page" });
+    const full = button("100 %", () => {
+      const isOn = dialog.classList.toggle("full-size");
+      full.setAttribute("aria-pressed", String(isOn));
+    });
+    const close = button("Close", () => dialog.close(), "primary");
+    const view = make("div", { class: "whole-view", tabindex: "0", role: "region", "aria-label": "Page" }, picture);
+    const dialog = make("dialog", { class: "wide", "aria-label": "Page" }, make("div", { class: "row" }, close, full), view);
+    document.body.append(dialog);
+    dialog.showModal();
+    dialog.addEventListener("close", () => dialog.remove());
+    await showImage(picture, page.picture);
+    const whole = await kept.whole(page).catch(() => null); // without the service the small picture is all there is
+    if (whole) await showImage(picture, whole);
+  }
+
+  function showCount() {
+    const { count } = pages;
+    const { all, ready, failed, open } = count;
+    empty.hidden = all > 0;
+    progress.hidden = !all;
+    meter.hidden = !open;
+    meter.max = Math.max(all, 1);
+    meter.value = ready + failed;
+    const text = progressText(count);
+    if (line.textContent !== text) line.textContent = text;
+    again.hidden = !failed && !pages.list.some((page) => page.state === "waiting" && page.problem);
+    bar.show(count);
+  }
+
+  pages.addEventListener("list", () => {
+    for (const page of items.keys()) if (!pages.list.includes(page)) items.delete(page);
+    for (const page of pages.list) if (!items.has(page)) items.set(page, new PageItem(page, acts));
+    strip.replaceChildren(...pages.list.map((page) => items.get(page).element));
+    pages.list.forEach((page, index) => items.get(page).show(index + 1, pages.list.length));
+    showCount();
+  });
+  pages.addEventListener("page", ({ detail: page }) => {
+    items.get(page)?.show(pages.list.indexOf(page) + 1, pages.list.length);
+    showCount();
+  });
+
+  let isLoaded = false;
+  async function open() {
+    if (isLoaded) return;
+    isLoaded = true;
+    await pages.loaded;
+    pages.tell("list");
+    kind.value = pages.settings.photos;
+    bar.offer([]);
+    work.start();
+    await ask();
+  }
+
+  /** What the service has; it is asked again until it is there. */
+  async function ask() {
+    try {
+      bar.offer(await work.ask());
+      work.start();
+    } catch {
+      setTimeout(ask, AGAIN_MS);
+    }
+  }
+
+  return { element, open, keyChanged: () => work.keyChanged() };
+}

@@ -1,0 +1,118 @@
+// Photos become flat pages: several at a time, each sent once.
+
+import { begin, get, outcome, Problem } from "../service.js";
+import { SHOWN, shown } from "./kept.js";
+import { filesOf } from "./storage.js";
+
+export const AGAIN_MS = 5000; // pause before what waits for the service is tried again
+const LATER = ["busy", "not-ready", "unreachable", "too-many-requests"]; // refusals that end by themselves
+const KEY = ["unauthorized", "forbidden"]; // refusals that end with another key
+
+export class Work {
+  /** `pages` is a `Pages`, `kept` what the service keeps of them. Photos are sent as soon as they are there. */
+  constructor(pages, kept) {
+    Object.assign(this, { pages, kept, running: new Set(), atOnce: 2, needsKey: false, pausedUntil: 0 });
+    window.addEventListener("online", () => this.resume());
+  }
+
+  /** What the service has: languages that it reads, and how many photos it works at once. */
+  async ask() {
+    const { workers, languages, ocr } = await get("health/ready");
+    this.atOnce = Math.max(1, Math.min(4, workers)) + 1; // one more is sent while these are worked at
+    Object.assign(this.kept, { canRead: ocr !== null, atOnce: this.atOnce - 1 });
+    return languages;
+  }
+
+  /** Begins what waits, as far as there is room; then reads what is flat. */
+  start() {
+    if (this.needsKey || Date.now() < this.pausedUntil) return;
+    const canBegin = (page) => page.state === "waiting" && (page.kind !== "joined" || page.names.length > 1);
+    for (const page of this.pages.list.filter(canBegin)) if (this.running.size < this.atOnce) this.flatten(page);
+    if (!this.running.size) this.kept.readAhead();
+  }
+
+  resume() {
+    this.pausedUntil = 0;
+    this.start();
+  }
+
+  async flatten(page) {
+    this.running.add(page);
+    await this.pages.update(page, { state: "working", problem: null });
+    try {
+      await this.receive(page, await (await this.answerFor(page)).json());
+    } catch (error) {
+      this.refused(page, error);
+    } finally {
+      this.running.delete(page);
+      this.start();
+    }
+  }
+
+  /** The response about a page. A job that was begun before a reload goes on: its photo is not sent again. */
+  async answerFor(page) {
+    if (!page.job) {
+      const path = page.kind === "joined" ? "mosaic" : "rectify";
+      const { job, response } = await begin(path, await this.formOf(page));
+      if (response) return response;
+      await this.pages.update(page, { job });
+    }
+    try {
+      return await outcome(page.job);
+    } catch (error) {
+      if (error.code !== "unreachable") this.pages.update(page, { job: null });
+      throw error;
+    }
+  }
+
+  async formOf(page) {
+    const files = await filesOf(page.key);
+    if (!files.length) throw new Problem({ code: "photo-gone" });
+    const form = new FormData();
+    const { name } = files[0];
+    const options = { ...SHOWN, keep_photo: "true", illumination: page.look, title: name };
+    if (page.kind !== "joined") Object.assign(options, { on_no_text: "keep", pages: page.kind === "spread" ? "both" : "main" });
+    for (const file of files) form.append(page.kind === "joined" ? "images" : "image", file, file.name);
+    for (const [option, value] of Object.entries(options)) form.append(option, value);
+    return form;
+  }
+
+  async receive(page, answer) {
+    const results = answer.pages ?? [answer];
+    const flat = results.filter((result) => !result.problem);
+    if (!flat.length) throw new Problem(results[0].problem);
+    if (!this.pages.list.includes(page)) return this.kept.forget(flat); // it was removed meanwhile
+    const isSpread = flat.length > 1;
+    const ready = (result) => ({ ...shown(result), id: result.page_id, job: null, state: "ready" });
+    for (const result of flat.slice(1).reverse()) {
+      await this.pages.insertAfter(page, { kind: "page", names: page.names, look: page.look, part: 2, ...ready(result) });
+    }
+    return this.pages.update(page, { ...ready(flat[0]), ...(isSpread ? { part: 1 } : {}) });
+  }
+
+  /** What becomes of a page that the service refuses: it waits, or the person must see to it. */
+  refused(page, error) {
+    const { code = "internal", detail, retryAfter } = error;
+    this.needsKey ||= KEY.includes(code);
+    if (LATER.includes(code)) {
+      const pause = retryAfter * 1000 || AGAIN_MS;
+      this.pausedUntil = Date.now() + pause;
+      setTimeout(() => this.start(), pause + 1);
+    }
+    const waits = this.needsKey || LATER.includes(code);
+    this.pages.update(page, { state: waits ? "waiting" : "failed", problem: { code, detail } });
+  }
+
+  /** Sends again what failed. */
+  again() {
+    for (const page of this.pages.list) if (page.state === "failed") this.pages.update(page, { state: "waiting", problem: null });
+    this.resume();
+  }
+
+  /** Another key is in use: what waited for it goes on. */
+  keyChanged() {
+    this.needsKey = false;
+    for (const page of this.pages.list) if (KEY.includes(page.problem?.code)) this.pages.update(page, { problem: null });
+    this.resume();
+  }
+}

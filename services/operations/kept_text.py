@@ -1,0 +1,83 @@
+"""The text of a kept page: read once, and kept until the page shows another part of its photo."""
+
+import zlib
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.arrays import RgbImage
+from services.contract.kept_pages import PageReading
+from services.contract.rectify import Crop
+from services.ocr.engine import Word
+from services.operations.page_reading import read_flat_page, reading_engine
+from services.operations.replies import to_json_ready
+from services.text.page_text import PageText, ReadLine, TextBlock
+from services.text.photo_places import locate_boxes
+
+
+@dataclass(frozen=True, slots=True)
+class ShownPart:
+    """What a view shows: a text that was read on one view holds for all views of the same part.
+
+    `plan` is a checksum of how the views are drawn: other corners make another one. The look does not count: letters
+    are the same in colour and in black and white.
+    """
+
+    crop: Crop
+    margin: float
+    turn: int
+    plan: int
+
+
+def shown_part(crop: Crop, margin: float, turn: int, plan: bytes) -> ShownPart:
+    """The part that is shown by these options and a packed `ViewPlan`."""
+    return ShownPart(crop, margin, turn, zlib.crc32(plan))
+
+
+def keep_text(document: dict[str, Any], part: ShownPart, text: PageText) -> None:
+    """Put the text of a view of `part` into the document of a kept page; places in the photo are found again."""
+    document["text"] = {"part": asdict(part), "read": to_json_ready(asdict(replace(text, places=())))}
+
+
+def text_of(
+    document: dict[str, Any],
+    part: ShownPart,
+    view: RgbImage,
+    reading: PageReading,
+    mesh: NDArray[np.float64],
+) -> PageText:
+    """The text of a `view` (H, W, 3) of `part`: what is kept of it, else it is read.
+
+    `mesh` (rows, columns, 2) has the photo points of the view.
+
+    Raises
+    ------
+    InvalidOption
+        When no OCR engine or no language data is installed.
+    """
+    engine, language = reading_engine(reading.language)
+    kept = document.get("text")
+    if kept is None or kept["part"] != asdict(part) or kept["read"]["language"] != language:
+        return read_flat_page(view, engine, language, mesh)
+    text = _opened(kept["read"])
+    height, width = view.shape[:2]
+    text = text.resized(width, height)
+    return replace(text, places=locate_boxes(mesh, width, height, [word.box for word in text.words]))
+
+
+def _opened(read: dict[str, Any]) -> PageText:
+    """The text that `keep_text` has put away; JSON has made lists of its tuples."""
+    blocks = tuple(
+        TextBlock(
+            tuple(
+                ReadLine(tuple(Word(**{**word, "box": tuple(word["box"])}) for word in line["words"]))
+                for line in block["lines"]
+            ),
+            block["kind"],
+            block["level"],
+        )
+        for block in read["blocks"]
+    )
+    return PageText(**{**read, "blocks": blocks, "places": ()})

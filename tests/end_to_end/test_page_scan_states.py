@@ -1,0 +1,243 @@
+"""View "Flatten" where something is missing or late: keys, cameras, the network; and the camera itself."""
+
+import io
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, Page, expect
+
+from tests.app.scripts import upload
+from tests.end_to_end.accessibility import violations
+from tests.end_to_end.browser import NEEDS_CHROMIUM
+from tests.end_to_end.forked import ROOT
+from tests.end_to_end.page_visit import PHONE, chromium, visiting
+from tests.end_to_end.processes import running
+
+pytestmark = NEEDS_CHROMIUM
+KEY = "the-right-key-of-a-test"
+PHOTO = {"name": "photo.jpg", "mimeType": "image/jpeg", "buffer": upload("")}
+"""What the scripted service takes for a photo."""
+DESK_PX = (600, 760)
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a camera sees: a sheet that comes into view on a desk within 8 s, then lies still for 12 s."""
+    photo = Image.open(ROOT / "examples" / "photo.jpg").convert("RGB")
+    desk = photo.crop((0, 0, 60, photo.height)).resize(DESK_PX)
+    sheet = photo.resize(DESK_PX)
+
+    def frame(left: int) -> bytes:
+        picture, buffer = desk.copy(), io.BytesIO()
+        picture.paste(sheet, (left, 0))
+        picture.save(buffer, "JPEG", quality=75)
+        return buffer.getvalue()
+
+    moving, still = [frame(-480 + 4 * (step // 2)) for step in range(240)], [frame(0), frame(1)]
+    path = tmp_path_factory.mktemp("film") / "desk.mjpeg"
+    path.write_bytes(b"".join(moving) + b"".join(still[number // 2 % 2] for number in range(360)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(film: Path) -> Iterator[Browser]:
+    """A browser whose camera shows the film."""
+    camera = ("--use-fake-device-for-media-stream", f"--use-file-for-fake-video-capture={film}")
+    with chromium(*camera) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def scripted() -> Iterator[str]:
+    """The address of a service that answers about a page of 80 x 60 pixels at once."""
+    with running(workers=1) as service:
+        yield service.url
+
+
+def choose(page: Page) -> None:
+    page.get_by_label("Photos").set_input_files(PHOTO)
+
+
+def is_ready(page: Page, count: int = 1) -> None:
+    expect(page.get_by_text(f"{count} of {count} page")).to_be_visible()
+
+
+def test_the_camera_shows_the_outline_and_takes_one_photo_of_a_still_sheet(
+    browser: Browser, service: httpx.Client
+) -> None:
+    url = str(service.base_url).rstrip("/")
+    with visiting(browser, url, viewport=PHONE, permissions=["camera"]) as visit:
+        page = visit.page
+        page.get_by_role("button", name="Camera").click()
+        outline = page.locator(".camera-stage .outline")
+        expect(outline).to_be_visible()
+        first = outline.get_attribute("d")
+        expect(page.get_by_text("1 photo", exact=True)).to_be_visible()
+        assert outline.get_attribute("d") != first, "it follows the sheet"
+        assert violations(page) == []
+        for _ in range(3):
+            page.wait_for_event("response", lambda one: one.url.endswith("/rectify") and one.status == 200)
+        expect(page.locator(".camera-count")).to_have_text("1 photo")
+        page.get_by_role("button", name="Close").click()
+        is_ready(page)
+        expect(page.get_by_alt_text("Flat page")).to_be_visible()
+        visit.check()
+
+
+SHUTTER = """async (views) => {
+  const { Shutter } = await import("/static/scan/shutter.js");
+  const shutter = new Shutter();
+  const size = { width: 400, height: 400 };
+  return views.map(([left, side, advice]) => {
+    const right = left + side;
+    const corners = side && [[left, 50], [right, 50], [right, 50 + side], [left, 50 + side]];
+    const fires = shutter.see(corners || null, advice ?? [], size);
+    if (fires) shutter.fired();
+    return fires;
+  });
+}"""
+
+
+@pytest.mark.parametrize(
+    ("views", "fires"),
+    [
+        ([[0, 300], [40, 300], [80, 300], [40, 300]], []),
+        ([[50, 300], [51, 300], [50, 300], [51, 300], [50, 300]], [2]),
+        ([[50, 300]] * 4 + [[90, 300]] * 4, [2, 6]),
+        ([[50, 300]] * 4 + [[0, 0]] + [[50, 300]] * 3, [2, 7]),
+        ([[50, 300, ["hold-still"]]] * 4 + [[50, 300, ["more-light"]]], [4]),
+        ([[50, 80]] * 5, []),
+    ],
+    ids=["moving", "still", "another page", "gone and back", "blurred", "far away"],
+)
+def test_the_shutter_fires_once_for_a_page_that_is_still_and_sharp(
+    browser: Browser, scripted: str, views: list[object], fires: list[int]
+) -> None:
+    with visiting(browser, scripted) as visit:
+        assert [number for number, fired in enumerate(visit.page.evaluate(SHUTTER, views)) if fired] == fires
+
+
+def test_without_a_camera_in_the_page_the_phones_own_takes_the_photo(browser: Browser, scripted: str) -> None:
+    """As over plain HTTP, where a browser lets no page use a camera."""
+    with visiting(browser, scripted, viewport=PHONE) as visit:
+        page = visit.page
+        page.add_init_script("delete Navigator.prototype.mediaDevices; delete Crypto.prototype.randomUUID")
+        page.reload()
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Camera").click()
+        assert chooser.value.element.get_attribute("capture") == "environment"
+        chooser.value.set_files(PHOTO)
+        is_ready(page)
+        visit.check()
+
+
+def test_a_camera_that_is_not_allowed_leaves_the_other_ways(browser: Browser, scripted: str) -> None:
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        page.add_init_script(
+            "MediaDevices.prototype.getUserMedia = () => Promise.reject(new DOMException('', 'NotAllowedError'))"
+        )
+        page.reload()
+        page.get_by_role("button", name="Camera").click()
+        expect(page.get_by_text("Choose photos, or take them with the phone's own camera.")).to_be_visible()
+        assert violations(page) == []
+        page.get_by_label("Phone's own").set_input_files(PHOTO)
+        is_ready(page)
+        visit.check()
+
+
+def test_a_wrong_key_says_so_and_the_photos_wait(browser: Browser) -> None:
+    with running(workers=1, api_keys=KEY) as service, visiting(browser, service.url) as visit:
+        page = visit.page
+        choose(page)
+        dialog = page.get_by_role("dialog", name="API key")
+        expect(dialog).to_be_visible()
+        assert violations(page) == []
+        dialog.get_by_label("Key").fill("a-wrong-key-of-a-test")
+        dialog.get_by_role("button", name="Use this key").click()
+        expect(dialog).to_contain_text("does not know this key")
+        expect(page.locator(".file-name")).to_have_text("photo.jpg")
+        dialog.get_by_label("Key").fill(KEY)
+        dialog.get_by_role("button", name="Use this key").click()
+        is_ready(page)
+        expect(page.get_by_text("The key is in use.")).to_be_visible()
+        assert [one for one in visit.complaints if not re.search("status of 40[13]", one)] == []
+
+
+def test_a_busy_service_is_asked_again(browser: Browser, scripted: str) -> None:
+    busy = {"code": "busy", "detail": "The queue is full.", "status": 503}
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        page.route(
+            "**/rectify",
+            lambda route: route.fulfill(status=503, headers={"Retry-After": "1"}, json=busy),
+            times=1,
+        )
+        choose(page)
+        expect(page.get_by_text("The service is busy. It goes on by itself.")).to_be_visible()
+        is_ready(page)
+        assert visit.count("POST /rectify") == 2
+        assert [one for one in visit.complaints if "status of 503" not in one] == []
+
+
+def test_without_a_network_the_page_shows_what_there_is(browser: Browser, scripted: str) -> None:
+    with visiting(browser, scripted, service_workers="allow") as visit:
+        page = visit.page
+        page.evaluate("navigator.serviceWorker.ready")
+        choose(page)
+        is_ready(page)
+        page.context.set_offline(True)
+        page.reload()
+        is_ready(page)
+        expect(page.locator(".file-name")).to_have_text("photo.jpg")
+        page.get_by_role("button", name="Download PDF").click()
+        expect(page.get_by_text("There is no connection to the service.")).to_be_visible()
+        assert visit.other_hosts == []
+
+
+def test_the_pdf_is_shared_where_the_browser_can(browser: Browser, scripted: str) -> None:
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        page.add_init_script(
+            """let tries = 0;
+            navigator.share = async ({ files: [file] }) => {
+              if (!tries++) throw new DOMException("too late", "NotAllowedError");
+              window.shared = `${file.name} ${file.type}`;
+            }"""
+        )
+        page.reload()
+        choose(page)
+        is_ready(page)
+        page.get_by_label("Name").fill("Letter")
+        page.get_by_role("button", name="Share").click()
+        expect(page.get_by_text("Press Share again.")).to_be_visible()
+        page.get_by_role("button", name="Share").click()
+        page.wait_for_function("window.shared")
+        assert page.evaluate("window.shared") == "Letter.pdf application/pdf"
+        assert visit.count("POST /pages/bind") == 1
+        visit.check()
+
+
+def test_over_tls_with_a_certificate_of_its_own(browser: Browser, tmp_path: Path) -> None:
+    file = tmp_path / "own" / "certificate.pem"
+    command = [sys.executable, "-m", "app.http.own_certificate", str(file)]
+    said = [
+        subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout for _ in range(2)
+    ]
+    assert said[0] == said[1]
+    assert "https://" in said[0]
+    assert file.stat().st_mode & 0o077 == 0
+    with running(workers=1, tls_certificate=file) as service:
+        url = service.url.replace("http:", "https:")
+        assert httpx.get(url + "/health/live", verify=str(file)).status_code == 200
+        with visiting(browser, url, ignore_https_errors=True) as visit:
+            assert visit.page.evaluate("isSecureContext")
+            choose(visit.page)
+            is_ready(visit.page)
+            visit.check()
