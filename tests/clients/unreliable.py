@@ -1,6 +1,7 @@
 """A network on which things go wrong."""
 
 import asyncio
+import ssl
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +14,8 @@ import pytest
 from document_rectification_client import AsyncClient, Client, clients
 from tests.app.serving import POLL_S
 
+NO_TLS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+"""Certificates that nobody asks for, which would be read for each test."""
 Fate = httpx.Response | Exception
 """What comes in place of the service's answer. An error that is raised `after` lets the request through before."""
 
@@ -25,7 +28,7 @@ class Network(httpx.BaseTransport, httpx.AsyncBaseTransport):
         self.sent: list[httpx.Request] = []
         self.pauses: list[float] = []
         self.lost: list[bytes] = []
-        self._sync, self._async = httpx.HTTPTransport(), httpx.AsyncHTTPTransport()
+        self._sync, self._async = httpx.HTTPTransport(NO_TLS), httpx.AsyncHTTPTransport(NO_TLS)
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         fate = self._fate_of(request)
