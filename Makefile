@@ -56,7 +56,7 @@ BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review bench-reading \
-	system-packages postgresql chromium licences typescript python venv venv-dev venv-bench data-folder clean
+	system-packages postgresql chromium licences client-models typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
@@ -81,6 +81,7 @@ help:
 	@echo 'make bench-learning   models that learn: rounds, feedback page by page, wrong classes, servers that are killed; documents, many models, discovery'
 	@echo 'make bench-review     the order of the review queue, and what goes through without a person'
 	@echo 'make bench-reading    text of photos, app scans, receipts and flat pages beside Tesseract alone; then ten languages'
+	@echo 'make client-models    types of the answers in clients/, written anew from the OpenAPI document'
 	@echo 'make licences         what the image holds under which licence, written anew (deploy/licences.md, sbom.cdx.json)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
@@ -276,9 +277,12 @@ lock: venv-dev
 		--output-file requirements-bench.lock
 	@echo 'Now: make licences'
 
+client-models: venv-dev typescript
+	@$(BIN)/python -m deploy.client_models
+
 licences: venv-dev
 	@$(BIN)/python -m deploy.licences
 
 clean:
 	rm -rf $(VENV) $(BENCH_VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
-	find $(wildcard app benchmarks models services simulation tests) -name __pycache__ -type d -prune -exec rm -rf {} +
+	find $(wildcard app benchmarks models services simulation tests clients) -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -26,6 +26,7 @@ ROOT = Path(__file__).parent
 KIND_OF_FOLDER = {
     "app": "service",
     "benchmarks": "pipeline",
+    "clients": "service",
     "end_to_end": "end_to_end",
     "models": "service",
     "services/layout/discovery": "pipeline",
@@ -81,7 +82,7 @@ def untested() -> list[str]:
     if not HAS_AXE:
         missing.append("Accessibility of the page: axe-core is not installed (make typescript).")
     if not HAS_TYPESCRIPT:
-        missing.append("TypeScript types: openapi-typescript is not installed (make typescript).")
+        missing.append("TypeScript types and client: openapi-typescript is not installed (make typescript).")
     if shutil.which("curl") is None:
         missing.append("The commands of README.md and docs/api.md: curl is not installed (Debian: curl).")
     if find_tessdata("eng") is None:

@@ -290,7 +290,7 @@ def imported_by(folders: list[str]) -> Iterator[str]:
     ],
 )
 def test_what_is_imported_is_locked(folders: list[str], lock: str) -> None:
-    ours = {path.name for path in ROOT.iterdir() if path.is_dir()}
+    ours = {path.name for folder in (ROOT, ROOT / "clients" / "python") for path in folder.iterdir()}
     foreign = set(imported_by(folders)) - set(sys.stdlib_module_names) - ours
     distributions = installed_packages()
     locked = {re.sub(r"[-_.]+", "-", name).lower() for name in pins(ROOT / lock)}

@@ -3,7 +3,7 @@
 python watched_folder.py IN OUT [--url http://127.0.0.1:8000] [--once]
 
 A photo is sent when its size has not changed for a turn. It then moves to IN/done, or to IN/failed with a text
-file that has the problem.
+file that has the problem. It needs the client: pip install ./clients/python
 """
 
 import argparse
@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from client import Client, ProblemError
+from document_rectification_client import Client, ProblemError
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".heic", ".pdf"}
 
@@ -26,16 +26,14 @@ def work_through(folder: Path, out: Path, client: Client, sizes: dict[Path, int]
             continue
         del sizes[photo]
         try:
-            pdf = client.rectify([photo], format="pdf", text="true")
+            pdf = client.flatten([photo], text=True)
         except ProblemError as problem:
             failed = folder / "failed"
             failed.mkdir(exist_ok=True)
             (failed / f"{photo.name}.txt").write_text(f"{problem}\n", encoding="utf-8")
             photo.rename(failed / photo.name)
             continue
-        part = out / f"{photo.stem}.pdf.part"
-        part.write_bytes(pdf)
-        part.rename(out / f"{photo.stem}.pdf")
+        pdf.save(out / f"{photo.stem}.pdf")
         done = folder / "done"
         done.mkdir(exist_ok=True)
         photo.rename(done / photo.name)

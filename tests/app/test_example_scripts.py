@@ -10,12 +10,14 @@ import httpx
 from tests.app.scripts import upload
 from tests.programs import NEEDS_CURL
 
-SCRIPTS = Path(__file__).parent.parent.parent / "examples" / "scripts"
+ROOT = Path(__file__).parent.parent.parent
+SCRIPTS = ROOT / "examples" / "scripts"
+PYTHON_CLIENT = ROOT / "clients" / "python"
 
 
 def run(client: httpx.Client, *command: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """The script's end; it knows the address of the service."""
-    address = {"RECTIFY_URL": str(client.base_url).rstrip("/")}
+    address = {"RECTIFY_URL": str(client.base_url).rstrip("/"), "PYTHONPATH": str(PYTHON_CLIENT)}
     return subprocess.run(
         [str(part) for part in command],
         env={**os.environ, **address, **environment},
@@ -66,17 +68,3 @@ def test_a_watched_folder(client: httpx.Client, tmp_path: Path) -> None:
     assert (out / "page.pdf").read_bytes() == b"flat as pdf"
     assert (folder / "done" / "page.jpg").exists()
     assert "scripted no-text" in (folder / "failed" / "bad.jpg.txt").read_text(encoding="utf-8")
-
-
-def test_the_python_client_shows_progress(client: httpx.Client, tmp_path: Path) -> None:
-    photos = [tmp_path / "a.jpg", tmp_path / "b.jpg"]
-    for photo in photos:
-        photo.write_bytes(upload(""))
-    output = tmp_path / "pages.pdf"
-    options = ("-o", output, "--url", str(client.base_url))
-    done = run(client, sys.executable, SCRIPTS / "client.py", *photos, *options)
-    assert done.returncode == 0, done.stderr
-    assert output.read_bytes() == b"2 as pdf"
-    assert "%" in done.stderr
-    photos[0].write_bytes(upload("no-text"))
-    assert run(client, sys.executable, SCRIPTS / "client.py", photos[0], *options).returncode == 1

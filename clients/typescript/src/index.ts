@@ -1,0 +1,163 @@
+/** Client of the document rectification service, for browsers and node. It needs nothing but `fetch`. */
+
+import * as calls from "./calls.js";
+import type { Call, MadeFile, Options, Photo, Read } from "./calls.js";
+import type { DocumentResult, JobStatus, LayoutResult, PlainMosaicResult, PlainPagesResult } from "./models.js";
+import { ProblemError, problemOf, retryAfter } from "./problems.js";
+
+export type * from "./models.js";
+export type { Call, MadeFile, Options, Photo, Read } from "./calls.js";
+export { calls, ProblemError };
+
+/** Called with the state of a job until it ends. */
+export type Progress = (status: JobStatus) => void;
+
+/** Work that the service goes on with; its id and its call's `read` are all that is needed to fetch the answer. */
+export interface Job<Answer> {
+  id: string;
+  read: Read<Answer>;
+}
+
+export interface Settings {
+  /** An API key, if the service wants one. */
+  key?: string;
+  /** How often a request is sent at most, where the service is busy or is not reached; 5. */
+  tries?: number;
+  /** In place of the global `fetch`. */
+  fetch?: typeof fetch;
+}
+
+/** The service is busy or starts, or a proxy does not reach it. */
+const RETRIED = new Set([429, 502, 503]);
+/** Before the second try where the service names no time; it doubles with each try. */
+const FIRST_WAIT_S = 0.5;
+/** A longer wait is the caller's to decide: the problem says for how long. */
+const LONGEST_WAIT_S = 120;
+
+/**
+ * Sends photos to the service at `url`; all methods reject with `ProblemError`. With `progress` the work is a job, and
+ * the function is called with its state until it ends.
+ */
+export class Client {
+  private readonly url: string;
+  private readonly headers: Record<string, string>;
+  private readonly tries: number;
+  private readonly fetch: typeof fetch;
+
+  constructor(url = "http://127.0.0.1:8000", settings: Settings = {}) {
+    this.url = url.replace(/\/+$/, "");
+    this.headers = settings.key === undefined ? {} : { "X-API-Key": settings.key };
+    this.tries = settings.tries ?? 5;
+    this.fetch = settings.fetch ?? ((input, init) => fetch(input, init));
+  }
+
+  /** Photos of pages as one file of flat pages: PDF, image, text or archive, by the option `format`. */
+  flatten(photos: Photo[], options?: Options, progress?: Progress): Promise<MadeFile> {
+    return this.answer(calls.flatten(photos, options), progress);
+  }
+
+  /** What is known of the flat pages of the photos. */
+  flattenPages(photos: Photo[], options?: Options, progress?: Progress): Promise<PlainPagesResult> {
+    return this.answer(calls.flattenPages(photos, options), progress);
+  }
+
+  /** Overlapping photos of one page as one file of the whole page. */
+  mosaic(photos: Photo[], options?: Options, progress?: Progress): Promise<MadeFile> {
+    return this.answer(calls.mosaic(photos, options), progress);
+  }
+
+  /** What is known of the whole page that overlapping photos show. */
+  mosaicPage(photos: Photo[], options?: Options, progress?: Progress): Promise<PlainMosaicResult> {
+    return this.answer(calls.mosaicPage(photos, options), progress);
+  }
+
+  /** Class and labels of a page; of several images, of the document and of its pages. */
+  layout(images: Photo[], options?: Options, progress?: Progress): Promise<LayoutResult | DocumentResult> {
+    return this.answer(calls.layout(images, options), progress);
+  }
+
+  /** The answer to a call. */
+  async answer<Answer>(call: Call<Answer>, progress?: Progress): Promise<Answer> {
+    if (progress !== undefined) return this.result(await this.start(call), progress);
+    return read(call.read, await this.send("POST", call.path, {}, call.form));
+  }
+
+  /** The job of a call; the same call with the same `key` finds the same job. */
+  async start<Answer>(call: Call<Answer>, key = randomKey()): Promise<Job<Answer>> {
+    const headers = { Prefer: "respond-async", "Idempotency-Key": key };
+    const status = await read(readStatus, await this.send("POST", call.path, headers, call.form));
+    return { id: status.id, read: call.read };
+  }
+
+  /** The state of a job. */
+  async look<Answer>(job: Job<Answer>): Promise<JobStatus> {
+    return read(readStatus, await this.send("GET", pathOf(job)));
+  }
+
+  /** The answer of a job, when it has ended. It is asked about as often as the service advises. */
+  async result<Answer>(job: Job<Answer>, progress?: Progress): Promise<Answer> {
+    for (;;) {
+      const status = await this.look(job);
+      progress?.(status);
+      if (status.ended !== null) break;
+      await pause(status.poll_after_s ?? 1);
+    }
+    return read(job.read, await this.send("GET", `${pathOf(job)}/result`));
+  }
+
+  /** Stop the work of a job. */
+  async cancel<Answer>(job: Job<Answer>): Promise<void> {
+    await this.send("DELETE", pathOf(job));
+  }
+
+  /** The answer to a request; it is sent again where that may help, when the service asks for it. */
+  private async send(
+    method: string,
+    path: string,
+    headers: Record<string, string> = {},
+    body?: FormData,
+  ): Promise<Response> {
+    for (let attempt = 1; ; attempt += 1) {
+      let wait = FIRST_WAIT_S * 2 ** (attempt - 1);
+      let failure: ProblemError;
+      try {
+        const init: RequestInit = { method, headers: { ...this.headers, ...headers } };
+        const response = await this.fetch(this.url + path, body === undefined ? init : { ...init, body });
+        if (response.ok) return response;
+        failure = await problemOf(response);
+        if (!RETRIED.has(response.status)) throw failure;
+        wait = retryAfter(response) ?? wait;
+      } catch (error) {
+        if (error instanceof ProblemError) throw error;
+        failure = new ProblemError(`The service cannot be reached: ${String(error)}.`, "unreachable");
+      }
+      if (attempt >= this.tries || wait > LONGEST_WAIT_S) throw failure;
+      await pause(wait);
+    }
+  }
+}
+
+async function readStatus(response: Response): Promise<JobStatus> {
+  return (await response.json()) as JobStatus;
+}
+
+async function read<Answer>(reader: Read<Answer>, response: Response): Promise<Answer> {
+  try {
+    return await reader(response);
+  } catch (error) {
+    throw new ProblemError(`The answer cannot be read: ${String(error)}.`, "unexpected-answer", response.status);
+  }
+}
+
+function pathOf<Answer>(job: Job<Answer>): string {
+  return `/jobs/${encodeURIComponent(job.id)}`;
+}
+
+function pause(seconds: number): Promise<void> {
+  return new Promise((resolve) => setTimeout(resolve, seconds * 1000));
+}
+
+/** Random, not secret. `crypto` is missing in node 18 and on pages without TLS. */
+function randomKey(): string {
+  return Array.from({ length: 3 }, () => Math.random().toString(36).slice(2)).join("");
+}

@@ -1,0 +1,63 @@
+// What the TypeScript client does with the service: node visit.mjs URL OUTPUT < {"flat", "noText", "wait", "zones"}
+// Prints what it saw, as JSON.
+import { readFileSync, writeFileSync } from "node:fs";
+import { Client, ProblemError, calls } from "document-rectification-client";
+
+const [url, output] = process.argv.slice(2);
+const scripts = JSON.parse(readFileSync(0, "utf8"));
+const photo = (script) => new Blob([Buffer.from(script, "latin1")]);
+const flat = photo(scripts.flat);
+const seen = { pauses: [], keys: [] };
+
+// Pauses of the client, not those of node's own `fetch`, are told and cut short.
+const { setTimeout: wait } = globalThis;
+globalThis.setTimeout = (then, milliseconds, ...more) => {
+  if (!new Error().stack.includes("dist/index.js")) return wait(then, milliseconds, ...more);
+  seen.pauses.push(milliseconds / 1000);
+  return wait(then, 20);
+};
+const fates = [];
+const network = async (input, init) => {
+  if (init.headers["Idempotency-Key"]) seen.keys.push(init.headers["Idempotency-Key"]);
+  const fate = fates.shift();
+  if (fate instanceof Response) return fate;
+  const response = await fetch(input, init);
+  if (fate === "lost") throw new TypeError("cut off");
+  return response;
+};
+const service = new Client(url, { fetch: network });
+const problem = async (promise) => {
+  try {
+    await promise;
+  } catch (error) {
+    if (!(error instanceof ProblemError)) throw error;
+    return { code: error.code, status: error.status, field: error.field ?? null, wait: error.retryAfterS ?? null };
+  }
+  return null;
+};
+const busy = (seconds) => new Response("", { status: 503, headers: { "Retry-After": seconds } });
+
+const file = await service.flatten([flat, flat], { format: "pdf", text: true });
+writeFileSync(output, Buffer.from(await file.content.arrayBuffer()));
+seen.mediaType = file.mediaType;
+seen.states = (await service.flattenPages([flat, photo(scripts.noText)])).pages.map((page) => page.state);
+seen.width = (await service.mosaicPage([flat, flat])).width;
+seen.zones = (await service.layout([], { zones: JSON.parse(scripts.zones) })).zones.length;
+seen.refused = await problem(service.flatten([photo(scripts.noText)]));
+seen.unpaused = seen.pauses.length;
+
+fates.push(busy("7"), busy(""));
+await service.flatten([flat]);
+fates.push(busy("3600"));
+seen.late = await problem(service.flatten([flat]));
+seen.unreachable = await problem(new Client("http://127.0.0.1:1", { tries: 2 }).flatten([flat]));
+seen.retries = seen.pauses.splice(0);
+
+fates.push("lost");
+const progress = [];
+const made = await service.flatten([flat], {}, (status) => progress.push(status.state));
+seen.job = [await made.content.text(), progress.at(-1), new Set(seen.keys).size, seen.keys.length];
+const job = await service.start(calls.flatten([photo(scripts.wait)]));
+await service.cancel(job);
+seen.cancelled = await problem(service.result(job));
+console.log(JSON.stringify(seen));
