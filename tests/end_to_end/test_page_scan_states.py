@@ -10,7 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.app.scripts import upload
 from tests.end_to_end.accessibility import violations
@@ -168,6 +168,124 @@ def test_a_wrong_key_says_so_and_the_photos_wait(browser: Browser) -> None:
         is_ready(page)
         expect(page.get_by_text("The key is in use.")).to_be_visible()
         assert [one for one in visit.complaints if not re.search("status of 40[13]", one)] == []
+
+
+@pytest.mark.parametrize("width", [320, 2560])
+def test_all_is_in_the_window_and_uses_its_width(browser: Browser, scripted: str, width: int) -> None:
+    with visiting(browser, scripted, viewport={"width": width, "height": 700}) as visit:
+        page = visit.page
+        choose(page)
+        is_ready(page)
+        page.get_by_label("Look").select_option("bw")
+        expect(page.get_by_alt_text("Flat page")).to_be_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        strip = page.get_by_role("list", name="Pages").bounding_box()
+        assert strip is not None
+        assert strip["width"] > 0.85 * width
+        large = ROOT / "examples" / "photo.jpg"
+        pixels = Image.open(large).width
+        page.route("**/render", lambda route: route.fulfill(path=large))
+        for name in ("View", "Corners", "Clear"):
+            page.get_by_role("button", name=name).click()
+            dialog = page.get_by_role("dialog")
+            expect(dialog).to_be_visible()
+            if name == "View":
+                expect(page.locator(".whole-view img")).to_have_js_property("naturalWidth", pixels)
+            box = dialog.bounding_box()
+            assert box is not None
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= width
+            assert dialog.evaluate("shown => shown.scrollWidth <= shown.clientWidth"), name
+            if name == "Clear":
+                expect(page.get_by_role("button", name="Cancel")).to_be_focused()
+            page.keyboard.press("Escape")
+        visit.check()
+
+
+def test_a_change_is_shown_at_once_and_counts_when_it_is_done(browser: Browser, scripted: str) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        if "illumination" in (route.request.post_data or ""):
+            held.append(route)
+        else:
+            route.continue_()
+
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        choose(page)
+        is_ready(page)
+        page.route("**/render", hold)
+        look = page.get_by_label("Look")
+        look.select_option("bw")
+        expect(page.get_by_text("0 of 1 page is ready.")).to_be_visible()
+        expect(page.get_by_text("Changing ...")).to_be_visible()
+        expect(look).to_have_value("bw")
+        held.pop().continue_()
+        is_ready(page)
+        expect(look).to_have_value("bw")
+        look.select_option("gray")
+        expect(page.get_by_text("0 of 1 page is ready.")).to_be_visible()
+        held.pop().fulfill(status=504, json={"code": "timed-out", "detail": "It took too long."})
+        expect(page.get_by_text("This took too long. Try again.")).to_be_visible()
+        expect(look).to_have_value("bw")
+        is_ready(page)
+
+
+def test_corners_of_no_page_are_refused_in_plain_words(browser: Browser, scripted: str) -> None:
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        choose(page)
+        is_ready(page)
+        page.get_by_label("Look").select_option("bw")
+        expect(page.get_by_alt_text("Flat page")).to_be_visible()
+        page.get_by_role("button", name="Corners").click()
+        boxes = [page.get_by_role("button", name=f"Corner {number}").bounding_box() for number in (1, 3)]
+        (x, y), (to_x, to_y) = [(box["x"] + 22, box["y"] + 22) for box in boxes if box is not None]
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 0.8 * (to_x - x), y + 0.8 * (to_y - y))
+        page.mouse.up()
+        said = "go round the page, clockwise from its top left."
+        expect(page.get_by_role("dialog").get_by_role("status")).to_contain_text(said)
+        page.get_by_role("button", name="Done").click()
+        expect(page.get_by_role("alert")).to_contain_text(said)
+
+
+@pytest.mark.parametrize(
+    ("kind", "file", "parts"),
+    [
+        ("page", "letter.pdf", ["page 1", "page 2"]),
+        ("spread", "letter.pdf", ["page 1", "page 2"]),
+        ("spread", "book.jpg", ["left", "right"]),
+    ],
+)
+def test_parts_of_a_file_have_their_names(
+    browser: Browser, scripted: str, kind: str, file: str, parts: list[str]
+) -> None:
+    def double(route: Route) -> None:
+        response = route.fetch()
+        answer = response.json()
+        route.fulfill(response=response, json={"pages": 2 * answer.get("pages", [answer])})
+
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        page.route("**/jobs/*/result", double)
+        page.get_by_label("Each photo shows").select_option(kind)
+        page.get_by_label("Photos").set_input_files({**PHOTO, "name": file})  # type: ignore[typeddict-item]
+        expect(page.locator(".file-name")).to_have_text([f"{file}, {part}" for part in parts])
+
+
+def test_a_file_of_another_kind_says_which_can_be_read(browser: Browser, scripted: str) -> None:
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        photos = page.get_by_label("Photos")
+        expect(photos).to_have_attribute("accept", re.compile(r"\.pdf"))
+        photos.set_input_files({**PHOTO, "buffer": upload("unsupported-media-type")})  # type: ignore[typeddict-item]
+        expect(page.get_by_role("alert")).to_contain_text("JPEG, PNG, WebP, TIFF, HEIC and PDF can.")
+        again = page.get_by_role("button", name="Flatten")
+        expect(again).to_have_accessible_description("Flatten tries again what is not flat yet.")
+        assert violations(page) == []
 
 
 def test_a_busy_service_is_asked_again(browser: Browser, scripted: str) -> None:

@@ -62,7 +62,7 @@ const PROBLEMS = {
 
 /** Problems of what a person set, by the field of the request. */
 const FIELDS = {
-  corners: "These corners cross or lie too close together. Move them so that they go round the page, clockwise from its top left.",
+  corners: "These corners cross, or one lies too far inside. Move them so that they go round the page, clockwise from its top left.",
 };
 
 export const problemText = ({ code, field, detail }) => PROBLEMS[code] ?? FIELDS[field] ?? detail ?? PROBLEMS.internal;

@@ -6,6 +6,7 @@ import { filesOf } from "./storage.js";
 
 export const AGAIN_MS = 5000; // pause before what waits for the service is tried again
 const LATER = ["busy", "not-ready", "unreachable", "too-many-requests"]; // refusals that end by themselves
+const HAS_PAGES = /\.(pdf|tiff?)$/i; // files that may hold several pages: these are numbered
 const KEY = ["unauthorized", "forbidden"]; // refusals that end with another key
 
 export class Work {
@@ -82,8 +83,8 @@ export class Work {
     const flat = results.filter((result) => !result.problem);
     if (!flat.length) throw new Problem(results[0].problem);
     if (!this.pages.list.includes(page)) return this.kept.forget(flat); // it was removed meanwhile
-    const sides = page.kind === "spread" && results.length === 2 ? ["left", "right"] : null;
-    const partOf = (index) => sides?.[index] ?? (results.length > 1 ? `page ${index + 1}` : null);
+    const sides = page.kind === "spread" && !HAS_PAGES.test(page.names[0]) ? ["left", "right"] : [];
+    const partOf = (index) => (results.length > 1 ? (sides[index] ?? `page ${index + 1}`) : null);
     const ready = (result) => ({ ...shown(result), id: result.page_id, part: partOf(results.indexOf(result)), job: null, state: "ready" });
     for (const result of flat.slice(1).reverse()) {
       await this.pages.insertAfter(page, { kind: "page", names: page.names, look: page.look, ...ready(result) });
