@@ -84,7 +84,7 @@ export function confirmed(title, text, action) {
         "p",
         { class: "row" },
         make("button", { value: "yes", class: "primary" }, action),
-        make("button", { value: "no" }, "Cancel"),
+        make("button", { value: "no", autofocus: true }, "Cancel"),
       ),
     ),
   );

@@ -50,15 +50,15 @@ export class Kept {
     try {
       const changed = shown(await post(`pages/${page.id}/render`, { ...SHOWN, ...wish }));
       if (page.facts.places && !("rotate" in wish)) changed.facts.places = page.facts.places;
-      await this.pages.update(page, { ...changed, look: wish.illumination ?? page.look, isChanging: false });
+      await this.pages.update(page, { ...changed, isChanging: false });
     } catch (error) {
       this.refused(page, error);
     }
   }
 
-  refused(page, { code = "internal", detail }) {
+  refused(page, { code = "internal", field, detail }) {
     const isGone = code === "not-found";
-    this.pages.update(page, { isChanging: false, problem: { code, detail }, ...(isGone ? { state: "failed", id: null } : {}) });
+    this.pages.update(page, { isChanging: false, problem: { code, field, detail }, ...(isGone ? { state: "failed", id: null } : {}) });
   }
 
   /** Reads pages that are flat and not read yet, some at once, so that a searchable file is made quickly. */

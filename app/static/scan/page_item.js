@@ -55,8 +55,7 @@ export class PageItem {
     this.element.setAttribute("aria-label", this.title.textContent);
     this.element.dataset.state = page.state;
     this.element.setAttribute("aria-busy", String(Boolean(page.isChanging) || page.state === "working"));
-    const side = { 1: ", left", 2: ", right" }[page.part] ?? "";
-    this.names.textContent = isJoined ? `One page of ${page.names.length} photos` : `${page.names[0]}${side}`;
+    this.names.textContent = isJoined ? `One page of ${page.names.length} photos` : [page.names[0], page.part].filter(Boolean).join(", ");
     this.state.textContent = isJoined && page.state === "waiting" && page.names.length < 2 ? "Add the other photos" : stateText(page);
     this.corners.hidden = !isReady || isJoined;
     this.rotate.hidden = this.lookRow.hidden = this.open.hidden = !isReady;

@@ -12,6 +12,7 @@ const newKey = () => Array.from(crypto.getRandomValues(new Uint32Array(4)), (par
  * - `key`, `place` (its number in the order), `kind` ("page"; "spread": both pages of a book; "joined": of many photos),
  *   `names` of its files,
  * - `state`: "waiting", "working", "ready" or "failed" (with `problem`); `job` while the service works at it,
+ * - `part`: which part of its file it is, where that has several: "left" and "right" of a book, or "page 2",
  * - `id` of the kept page, `picture` (a Blob), `facts` and `look`, once it is flat; `readIn`: the language of its text,
  * - `isChanging` while another picture of it is on its way (not stored).
  *
@@ -68,7 +69,7 @@ export class Pages extends EventTarget {
     return { key: newKey(), place, look: this.settings.look, state: "waiting", ...empty, ...more };
   }
 
-  /** Adds the second page of a photo behind its first one. */
+  /** Adds a further page of a file behind another one. */
   insertAfter(page, more) {
     const next = this.list[this.list.indexOf(page) + 1];
     const place = next ? (page.place + next.place) / 2 : page.place + 1;
@@ -106,6 +107,7 @@ export class Pages extends EventTarget {
   /** Numbers for a line such as "2 of 3 pages are ready". */
   get count() {
     const of = (state) => this.list.filter((page) => page.state === state).length;
-    return { all: this.list.length, ready: of("ready"), failed: of("failed"), open: of("waiting") + of("working") };
+    const changing = this.list.filter((page) => page.isChanging).length; // of those that are ready
+    return { all: this.list.length, ready: of("ready"), changing, failed: of("failed"), open: of("waiting") + of("working") };
   }
 }

@@ -11,7 +11,7 @@ import { Pages } from "./pages.js";
 import { KINDS, progressText } from "./words.js";
 import { AGAIN_MS, Work } from "./work.js";
 
-const ACCEPTED = "image/*,.heic,.heif,.tif,.tiff,.webp";
+const ACCEPTED = "image/*,.heic,.heif,.tif,.tiff,.webp,.pdf";
 
 export function createView() {
   const pages = new Pages();
@@ -33,7 +33,9 @@ export function createView() {
   const meter = make("progress", { max: 1, value: 0, "aria-label": "Pages that are ready" });
   const line = make("span", { role: "status" });
   const again = button("Flatten", () => work.again());
-  const progress = make("p", { class: "progress", hidden: true }, meter, line, again);
+  const whatAgain = make("small", { id: "what-flatten-does" }, "Flatten tries again what is not flat yet.");
+  again.setAttribute("aria-describedby", whatAgain.id);
+  const progress = make("p", { class: "progress", hidden: true }, meter, line, again, whatAgain);
   const strip = make("ol", { class: "pages", "aria-label": "Pages" });
   const empty = make(
     "div",
@@ -128,10 +130,12 @@ export function createView() {
     camera.focus();
   }
 
-  /** Changes the look of a page; photos that come later have it too. */
+  /** Changes the look of a page; photos that come later have it too. It shows at once what was chosen. */
   async function setLook(page, look) {
-    await pages.set({ look });
+    const before = page.look;
+    await Promise.all([pages.update(page, { look }), pages.set({ look })]);
     await kept.change(page, () => ({ illumination: look }));
+    if (page.problem && page.look === look) await pages.update(page, { look: before });
     work.start();
   }
 
@@ -156,15 +160,15 @@ export function createView() {
 
   function showCount() {
     const { count } = pages;
-    const { all, ready, failed, open } = count;
+    const { all, ready, changing, failed, open } = count;
     empty.hidden = all > 0;
     progress.hidden = !all;
     meter.hidden = !open;
     meter.max = Math.max(all, 1);
-    meter.value = ready + failed;
+    meter.value = ready - changing + failed;
     const text = progressText(count);
     if (line.textContent !== text) line.textContent = text;
-    again.hidden = !failed && !pages.list.some((page) => page.state === "waiting" && page.problem);
+    again.hidden = whatAgain.hidden = !failed && !pages.list.some((page) => page.state === "waiting" && page.problem);
     bar.show(count);
   }
 

@@ -47,7 +47,7 @@ export function warningsOf({ warnings, quality }) {
 const PROBLEMS = {
   "no-text": "No page was found in this photo. Take it again, with the whole sheet in view.",
   "undecodable-image": "This file is damaged. Choose it again, or take another photo.",
-  "unsupported-media-type": "This is not a photo that can be read. JPEG, PNG, WebP, TIFF and HEIC can.",
+  "unsupported-media-type": "This is not a file that can be read. JPEG, PNG, WebP, TIFF, HEIC and PDF can.",
   "too-large": "This photo is too large for the service.",
   "timed-out": "This took too long. Try again.",
   busy: "The service is busy. It goes on by itself.",
@@ -61,7 +61,12 @@ const PROBLEMS = {
   internal: "Something went wrong in the service. Try again.",
 };
 
-export const problemText = ({ code, detail }) => PROBLEMS[code] ?? detail ?? PROBLEMS.internal;
+/** Problems of what a person set, by the field of the request. */
+const FIELDS = {
+  corners: "These corners cross or lie too close together. Move them so that they go round the page, clockwise from its top left.",
+};
+
+export const problemText = ({ code, field, detail }) => PROBLEMS[code] ?? FIELDS[field] ?? detail ?? PROBLEMS.internal;
 
 /** The state of a page in a few words. */
 export function stateText({ state, kind, job, isChanging }) {
@@ -72,11 +77,11 @@ export function stateText({ state, kind, job, isChanging }) {
 }
 
 /** How far all pages are. */
-export function progressText({ all, ready, failed, open }) {
+export function progressText({ all, ready, changing, failed, open }) {
   if (!all) return "";
   const pages = all === 1 ? "page is" : "pages are";
   const rest = failed && !open ? ` ${failed} ${failed === 1 ? "needs" : "need"} you.` : "";
-  return `${ready} of ${all} ${pages} ready.${rest}`;
+  return `${ready - changing} of ${all} ${pages} ready.${rest}`;
 }
 
 /** Name of a language by Tesseract's code, as the browser calls it. */

@@ -82,12 +82,13 @@ export class Work {
     const flat = results.filter((result) => !result.problem);
     if (!flat.length) throw new Problem(results[0].problem);
     if (!this.pages.list.includes(page)) return this.kept.forget(flat); // it was removed meanwhile
-    const isSpread = flat.length > 1;
-    const ready = (result) => ({ ...shown(result), id: result.page_id, job: null, state: "ready" });
+    const sides = page.kind === "spread" && results.length === 2 ? ["left", "right"] : null;
+    const partOf = (index) => sides?.[index] ?? (results.length > 1 ? `page ${index + 1}` : null);
+    const ready = (result) => ({ ...shown(result), id: result.page_id, part: partOf(results.indexOf(result)), job: null, state: "ready" });
     for (const result of flat.slice(1).reverse()) {
-      await this.pages.insertAfter(page, { kind: "page", names: page.names, look: page.look, part: 2, ...ready(result) });
+      await this.pages.insertAfter(page, { kind: "page", names: page.names, look: page.look, ...ready(result) });
     }
-    return this.pages.update(page, { ...ready(flat[0]), ...(isSpread ? { part: 1 } : {}) });
+    return this.pages.update(page, ready(flat[0]));
   }
 
   /** What becomes of a page that the service refuses: it waits, or the person must see to it. */
