@@ -7,6 +7,7 @@ from typing import TypeVar, get_args
 from unicodedata import category
 from urllib.parse import quote
 
+from app.http.octets import OCTETS
 from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.page import Warning
@@ -108,7 +109,7 @@ def choose_pages_formats(
     single = _choose(requested, accept, own, PAGES_MEDIA_TYPES)
     if requested is not None:
         return single, next((name for name in SEVERAL_MEDIA_TYPES if name == requested), None)
-    ranges = parse_accept(accept) if accept is not None else ()
+    ranges = _ranges_of(accept)
     weights = {
         name: _weight_of(media_type, ranges) if ranges else 1.0
         for name, media_type in SEVERAL_MEDIA_TYPES.items()
@@ -120,12 +121,17 @@ def choose_pages_formats(
     return single, "tiff" if own == "tiff" and "tiff" in liked else liked[0]
 
 
+def _ranges_of(accept: str | None) -> tuple[MediaRange, ...]:
+    """What the client accepts; nothing where it has no preference: bytes may be a file of any type."""
+    return () if accept is None or accept == OCTETS else parse_accept(accept)
+
+
 def _choose(
     requested: Name | None, accept: str | None, own: Name | None, media_types: Mapping[Name, str]
 ) -> Name | None:
     if requested is not None:
         return requested
-    ranges = parse_accept(accept) if accept is not None else ()
+    ranges = _ranges_of(accept)
     if not ranges:
         return own
     liked = _liked(media_types, ranges)

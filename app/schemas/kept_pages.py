@@ -4,7 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from app.schemas.options import FORMAT, EmbedFormat, Language, MaxPixels, Quality, ReadText
+from app.schemas.options import FORMAT, NUMBER, EmbedFormat, Language, MaxPixels, Quality, ReadText, Switch
 from services.contract.answers.page import Point
 from services.contract.images import PdfVersion
 from services.contract.kept_pages import MOST_BOUND_PAGES, PageWish
@@ -66,7 +66,7 @@ class RenderRequest(Picture):
     rotate: Annotated[Literal["auto"] | Rotation, BeforeValidator(_turn)] | None = Field(
         default=None, description="Clockwise turn as of /rectify; auto: the one that was found."
     )
-    margin: Annotated[float, Field(ge=0, le=MOST_MARGIN, allow_inf_nan=False)] | None = Field(
+    margin: Annotated[float, Field(ge=0, le=MOST_MARGIN, allow_inf_nan=False), NUMBER] | None = Field(
         default=None, description="What is shown around the cut, percent of the page's width."
     )
     illumination: Illumination | None = Field(default=None, description="As of /rectify.")
@@ -74,7 +74,7 @@ class RenderRequest(Picture):
     format: Annotated[PictureFormat | None, FORMAT] = Field(
         default=None, description="Format of the response; overrides `Accept`. Default: that of the photo."
     )
-    embed: bool = Field(default=False, description="With JSON: include the image as base64 in `image`.")
+    embed: Switch = Field(default=False, description="With JSON: include the image as base64 in `image`.")
     embed_format: EmbedFormat = None
 
     @property

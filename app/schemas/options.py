@@ -27,6 +27,15 @@ def _switch(value: object) -> object:
         if value.lower() not in {"true", "false"}:
             raise ValueError("expected true or false")
         return value.lower() == "true"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        raise ValueError("expected true or false")
+    return value
+
+
+def _number(value: object) -> object:
+    """A number; JSON's true is none."""
+    if isinstance(value, bool):
+        raise ValueError("expected a number")
     return value
 
 
@@ -44,6 +53,7 @@ def _format(value: object) -> object:
 
 FORMAT = BeforeValidator(_format)
 """Validator of `format`: `jpg` and any case are accepted."""
+NUMBER = BeforeValidator(_number)
 Switch = Annotated[bool, BeforeValidator(_switch)]
 WHOLE = BeforeValidator(_whole)
 """Validator of an integer in JSON, which has no difference between 3.0 and 3. It must be the last annotation, because
@@ -143,7 +153,7 @@ AskedArchive = Annotated[
     ),
 ]
 Quality = Annotated[
-    Annotated[int, Field(ge=1, le=100)] | Absent,
+    Annotated[int, Field(ge=1, le=100), NUMBER] | Absent,
     Field(description="1-100, for lossy formats; default 90.", examples=[90]),
 ]
 Embed = Annotated[Switch, Field(description="With JSON: include the image as base64 in `image`.")]
@@ -156,7 +166,7 @@ EmbedFormat = Annotated[
     ),
 ]
 MaxPixels = Annotated[
-    Annotated[int, Field(ge=1, le=ImageLimits().max_side_px)] | Absent,
+    Annotated[int, Field(ge=1, le=ImageLimits().max_side_px), NUMBER] | Absent,
     Field(
         description="Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its "
         "proportions. Sizes and meshes in the response are those of the smaller picture."

@@ -16,6 +16,12 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.composition.composed_page import compose_page
+from services.mosaic.disagreement import (
+    disagreement_notices,
+    find_disagreements,
+    let_lead,
+    straighten_leaders,
+)
 from services.mosaic.duplicates import find_duplicates
 from services.mosaic.evidence import (
     describe_covers,
@@ -91,10 +97,13 @@ def mosaic(
         flats |= part.photos  # those of one bent sheet have views of it
         joined = None if parameters.rectify else join_whole_pixels(flats, part)
     if joined is None:
+        disagreements = find_disagreements(part, typical_text_height_px(part), parameters.base)
+        part = straighten_leaders(part, disagreements)
         with clock.stage("illumination"):
             placed, glare = match_light(flats, part, parameters.illumination)
+            placed = let_lead(placed, disagreements)
         with clock.stage("composition"):
-            text_height_px = typical_text_height_px(placed)
+            text_height_px = typical_text_height_px(part)
             composed = compose_page(placed, part.width, part.height, parameters.composition, text_height_px)
         with clock.stage("framing"):
             crop = find_page_crop(composed.image, see_sheet(placed, part.width, part.height))
@@ -103,7 +112,7 @@ def mosaic(
         covered, notices = describe_covers(placed, glare, crop)
     else:
         page, placed = joined.image, joined.placed
-        text_height_px = typical_text_height_px(placed)
+        text_height_px, disagreements = typical_text_height_px(part), []
         sharpness, corner = (1.0,) * len(placed), (0, 0)
         covered, notices = (0.0,) * len(placed), []
     orientation, notice = Orientation(parameters.rotate or 0, False, None), None
@@ -116,6 +125,7 @@ def mosaic(
     unplaced = tuple(index for index, patch in enumerate(patches) if not patch.placed)
     notices = [
         *notices,
+        *disagreement_notices(disagreements),
         *duplicate_notices(repeats),
         *notices_of(placed),
         *unplaced_notices([index for index in unplaced if index not in repeats], textless, pairs),
@@ -209,14 +219,15 @@ def match_light(
     return tuple(map(PlacedPhoto, photos, placements, tones.maps, tones.hidden)), tones.glare
 
 
-def typical_text_height_px(placed: Sequence[PlacedPhoto]) -> float:
+def typical_text_height_px(part: PlacedPart) -> float:
     """Text height in mosaic pixels, the median over the photos."""
     heights = []
-    for photo in placed:
-        width, height = photo.flat.size
+    for index, placement in part.placements.items():
+        flat = part.photos[index]
+        width, height = flat.size
         middle = np.array([[(width - 1) / 2, (height - 1) / 2]])
-        square = photo.placement.to_mosaic(middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-        heights.append(photo.flat.text_height_px * float(np.sqrt(abs(np.linalg.det(square[1:] - square[0])))))
+        square = placement.to_mosaic(middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+        heights.append(flat.text_height_px * float(np.sqrt(abs(np.linalg.det(square[1:] - square[0])))))
     return float(np.median(heights))
 
 

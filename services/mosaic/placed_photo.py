@@ -11,12 +11,16 @@ from services.mosaic.placing.placement import Placement
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedPhoto:
-    """Input of the composition for one photo. `hidden` is None where no other photo shows the same places."""
+    """Input of the composition for one photo.
+
+    `hidden` is None where no other photo shows the same places; `yielding` is what is left to a photo that disagrees.
+    """
 
     flat: FlatPhoto
     placement: Placement
     tones: ToneMap
     hidden: HiddenPart | None = None
+    yielding: HiddenPart | None = None
 
     def to_photo(self, mosaic: Points) -> Points:
         """Photo pixels (N, 2) of mosaic pixels (N, 2)."""

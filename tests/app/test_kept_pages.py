@@ -12,7 +12,9 @@ import numpy as np
 import pikepdf
 import pytest
 from PIL import Image
+from pydantic import ValidationError
 
+from app.schemas.kept_pages import RenderRequest
 from services.contract.answers.rectify import RectifyResult
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
@@ -218,3 +220,11 @@ def test_photos_expire_and_give_way_to_newer_ones(tmp_path: Path, monkeypatch: p
             assert time.monotonic() < deadline + 20
             time.sleep(POLL_S)
         json.dumps(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("quality", True), ("max_width", True), ("margin", True), ("text", 1)]
+)
+def test_json_s_true_is_no_number(name: str, value: object) -> None:
+    with pytest.raises(ValidationError):
+        RenderRequest.model_validate({name: value})

@@ -104,3 +104,10 @@ def test_it_may_be_a_job(client: httpx.Client) -> None:
     with client.stream("GET", f"{path}/events") as events:
         events.read()
     assert client.get(f"{path}/result").json()["pages"][0]["state"] == "flat"
+
+
+def test_who_accepts_bytes_gets_a_file_of_every_operation(client: httpx.Client) -> None:
+    octets = "application/octet-stream"
+    for path, scripts in (("/rectify", ("",)), ("/rectify", ("", "")), ("/mosaic", ("", ""))):
+        response = post(client, path, *scripts, accept=octets)
+        assert (response.status_code, response.headers["content-type"]) == (200, octets), path

@@ -33,6 +33,7 @@ const WARNINGS = {
   "reading-cut": "Not all of its text was read.",
   "facing-page": "A second page is in view. Choose two pages of a book before you add the photo, to have both.",
   "glare": "Light is mirrored at the same place of all photos. One more photo from another side shows what is there.",
+  "sheet-moved": "The sheet was bent in another way in one of the photos. The better photo is shown.",
   "one-page": "Only one page was found in the photo.",
 };
 

@@ -129,11 +129,11 @@ def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
             energy[at] = _squared_gradient(drawn, size)
             whole = np.ascontiguousarray(found.covered[1:-1, 1:-1])
             covered[at] = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
-    hidden = patch.placed.hidden
-    if hidden is not None and hidden.cells.any():
-        first = grid.pixels(box)
-        there = hidden.over(first.left, first.top, grid.side, box.width, box.height)
-        covered[there] = np.minimum(covered[there], HIDDEN)
+    for part in (patch.placed.hidden, patch.placed.yielding):
+        if part is not None and part.cells.any():
+            first = grid.pixels(box)
+            there = part.over(first.left, first.top, grid.side, box.width, box.height)
+            covered[there] = np.minimum(covered[there], HIDDEN)
     return _relate_to_paper(box, covered, gray, energy, grid.text_height)
 
 

@@ -147,6 +147,18 @@ def hidden_part(cells: Mask, shown: Mask, corner: tuple[int, int], canvas: Canva
     return HiddenPart(cells, shown, H_cells_canvas @ H_canvas_mosaic)
 
 
+def yielding_part(own: HiddenPart, leader: HiddenPart) -> HiddenPart:
+    """The cells of a photo where its `leader` shows the page and nothing hides it."""
+    # A hidden part is used with its rim: what lies next to what the leader hides is left out twice.
+    clear = leader.shown & ~_with_rim(_with_rim(leader.cells))
+    H_own_leader = own.H_cells_mosaic @ np.linalg.inv(leader.H_cells_mosaic)
+    rows, columns = own.cells.shape
+    warped = cv2.warpAffine(
+        clear.astype(np.uint8), H_own_leader[:2], (columns, rows), flags=cv2.INTER_NEAREST
+    )
+    return replace(own, cells=np.asarray(warped > 0) & own.shown)
+
+
 def show_only(view: CanvasView, hidden: Mask) -> CanvasView:
     """The view without its `hidden` cells and their rims, whose borders are borders of what it shows."""
     if not hidden.any():
