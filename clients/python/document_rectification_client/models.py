@@ -87,6 +87,9 @@ class DocumentResult:
 
     id: str
     """Id of the result, as in /layout/results/{id}; feedback goes to the results of the pages."""
+    file_name: str | None = None
+    """Name of the uploaded image, of a document of the first one, without folders; null: no image came, or
+    none with a name."""
     class_: DocumentClass | None
     found: FoundClass | None = None
     """What was found, where feedback has corrected it; absent where there is no difference."""
@@ -265,6 +268,9 @@ class LayoutResult:
 
     id: str
     """Id of the result, as in /layout/results/{id}."""
+    file_name: str | None = None
+    """Name of the uploaded image, of a document of the first one, without folders; null: no image came, or
+    none with a name."""
     width: float
     """Pixels; an integer unless the zones were uploaded."""
     height: float

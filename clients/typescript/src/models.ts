@@ -75,6 +75,8 @@ export interface components {
         DocumentResult: {
             /** @description Id of the result, as in /layout/results/{id}; feedback goes to the results of the pages. */
             id: string;
+            /** @description Name of the uploaded image, of a document of the first one, without folders; null: no image came, or none with a name. */
+            file_name?: string | null;
             class: components["schemas"]["DocumentClass"] | null;
             /** @description What was found, where feedback has corrected it; absent where there is no difference. */
             found?: components["schemas"]["FoundClass"] | null;
@@ -248,6 +250,8 @@ export interface components {
         LayoutResult: {
             /** @description Id of the result, as in /layout/results/{id}. */
             id: string;
+            /** @description Name of the uploaded image, of a document of the first one, without folders; null: no image came, or none with a name. */
+            file_name?: string | null;
             /** @description Pixels; an integer unless the zones were uploaded. */
             width: number;
             height: number;
