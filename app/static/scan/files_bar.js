@@ -44,7 +44,7 @@ export class FilesBar {
   show(count) {
     this.prepared = null;
     this.element.hidden = !count.all;
-    for (const one of this.element.querySelectorAll("button:not(.quiet)")) one.toggleAttribute("aria-disabled", !count.ready);
+    for (const one of this.element.querySelectorAll("button:not(.quiet)")) one.ariaDisabled = count.ready ? null : "true";
   }
 
   /** The file of all pages; null where there is none, and the bar says why. */

@@ -37,7 +37,8 @@ export class Pages extends EventTarget {
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 
-  set(settings) {
+  async set(settings) {
+    await this.loaded; // a person may be faster than the browser
     Object.assign(this.settings, settings);
     return storeSettings(this.settings);
   }

@@ -22,7 +22,11 @@ export function createView() {
   const photos = make("input", { type: "file", multiple: true, accept: ACCEPTED, onchange: () => add([...photos.files]) });
   const capture = make("input", { type: "file", accept: "image/*", capture: "environment", class: "unseen", tabindex: "-1", "aria-label": "Phone's own", onchange: () => add([...capture.files]) });
   const camera = button("Camera", openCamera, "primary");
-  const kind = select(KINDS, "page", () => pages.set({ photos: kind.value }));
+  const kind = select(KINDS, "page", async () => {
+    const photos = kind.value;
+    await pages.set({ photos });
+    kind.value = photos; // what was stored may have come in between
+  });
   const drop = make(
     "div",
     { class: "panel drop", ondragover: over, ondragleave: over, ondrop: dropped },
