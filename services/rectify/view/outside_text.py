@@ -3,9 +3,11 @@
 A coloured head or foot of a page, with dark or light text on it, differs from the paper as a desk does.
 """
 
+import cv2
 import numpy as np
 
 from services.arrays import Points
+from services.rectify.analysis.page_analysis import PageAnalysis
 from services.texture_flow.text_identification import TextComponents
 
 # What is text of this page.
@@ -26,3 +28,14 @@ def of_text_height(components: TextComponents, text_height_px: float) -> Points:
 def is_outside_text(dark: int, light: int, all_dark: int) -> bool:
     """Whether these numbers of dark and light characters outside of an edge, and `all_dark` on the page, are text."""
     return dark >= CHARACTERS or light >= max(CHARACTERS, LIGHT_SHARE * all_dark)
+
+
+def has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:
+    """Whether the page has text outside of `sheet` (N, 2), photo pixels, which then outlines a part of it only."""
+    if analysis.facing_page:
+        return False
+    inside = np.zeros(analysis.reduced.shape, np.uint8)
+    cv2.fillPoly(inside, [np.round((sheet + 0.5) * analysis.factor - 0.5).astype(np.int32)], (1,))
+    printed = of_text_height(analysis.printed, analysis.text.text_height_px)
+    x, y = np.floor(printed + 0.5).astype(int).T
+    return is_outside_text(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
