@@ -20,7 +20,7 @@ from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planarity import apparent_kind
 from services.sheet.ridged_page import RidgedPage
 from services.sheet.shape import PageShape
-from services.sheet.tracing.line_tracing import STRAIGHT, measure_bend, measure_straightness
+from services.sheet.tracing.line_tracing import STRAIGHT, left_by_bends, measure_bend, measure_straightness
 
 VISIBLE_BEND = 0.2
 """RMS distance of text lines in the photo from straight ones, in text heights, from which on no plane is tried where a
@@ -108,6 +108,9 @@ def _is_flat(found: Hypotheses) -> bool:
     if found.rigid and found.plane_by_sides and found.plane.line_count < FEW_LINES:
         return True
     level = found.plane_lines.count == 0 or found.plane_straightness < STRAIGHT
+    if found.rigid and found.plane_straightness >= STRAIGHT:
+        # No fit is needed to see that a bent sheet would not straighten them.
+        level = left_by_bends(found.plane.page_map, found.plane_lines) > CURVED_GAIN
     return level and (found.seems == "planar" or found.plane.sides_believed)
 
 
