@@ -6,6 +6,7 @@ it ends if no edge could be followed, and no text lies beyond.
 """
 
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import cv2
 import numpy as np
@@ -55,7 +56,7 @@ def find_paper_end(page: ShapedPage, crop: Crop, boxes: Floats) -> PaperEnd:
         return PaperEnd(outline.polygon if analysis is None and outline is not None else None)
     if page.ground is not None:
         found = PaperEnd(white=page.ground.outline, whole=True, around=page.ground.outline)
-    elif outline is not None and is_believed(outline, page.characters):
+    elif is_believed(outline, page.characters):
         polygon = outline.polygon
         found = PaperEnd(polygon, polygon, whole=True, believed=True, around=polygon)
     elif analysis is None:
@@ -68,9 +69,9 @@ def find_paper_end(page: ShapedPage, crop: Crop, boxes: Floats) -> PaperEnd:
     return found
 
 
-def is_believed(outline: SheetOutline, characters: Points) -> bool:
+def is_believed(outline: SheetOutline | None, characters: Points) -> TypeGuard[SheetOutline]:
     """Whether the paper ends at the `outline`: it is sure, and holds the `characters` (N, 2), if there are any."""
-    if outline.confidence < BELIEVED_CONFIDENCE:
+    if outline is None or outline.confidence < BELIEVED_CONFIDENCE:
         return False
     on_sheet = outline.holds(characters)
     return not len(on_sheet) or float(on_sheet.mean()) >= LEAST_HELD
