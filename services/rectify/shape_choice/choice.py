@@ -43,36 +43,6 @@ FLOW_GAIN = 0.4
 plane's: flows of sparse print are unreliable."""
 
 
-def choose_shape(
-    evidence: PageEvidence,
-    prior: FocalPrior,
-    kind: PageKind,
-    outline: SheetOutline | None = None,
-    sheet: SheetSides | None = None,
-) -> PageShape:
-    """The shape that the evidence supports best: the first of `rank_shapes`.
-
-    Parameters
-    ----------
-    evidence
-        Text, flows and text lines.
-    prior
-        Of the focal length.
-    kind
-        "planar" or "curved" as the client demands, or "auto".
-    outline
-        Outline of the sheet in the photo, if it was found.
-    sheet
-        Its straight sides as evidence for a plane.
-
-    Returns
-    -------
-    PageShape
-        Its notices say too why no other was chosen although the page seems to have it.
-    """
-    return next(rank_shapes(evidence, prior, kind, outline, sheet))
-
-
 def rank_shapes(
     evidence: PageEvidence,
     prior: FocalPrior,
@@ -83,7 +53,20 @@ def rank_shapes(
     """Yield the plausible shapes, the best one first; each is fitted when it is asked for.
 
     The simplest shape that explains the page is the best: a plane unless a bent sheet explains clearly more, a smooth
-    sheet unless a creased one does. With `kind` "planar" there is only the plane. Parameters as of `choose_shape`.
+    sheet unless a creased one does. Its notices say too why no other was chosen although the page seems to have it.
+
+    Parameters
+    ----------
+    evidence
+        Text, flows and text lines.
+    prior
+        Of the focal length.
+    kind
+        "planar" (then there is only the plane) or "curved" as the client demands, or "auto".
+    outline
+        Outline of the sheet in the photo, if it was found.
+    sheet
+        Its straight sides as evidence for a plane.
     """
     found = Hypotheses(evidence, prior, apparent_kind(evidence, kind), outline, sheet)
     if kind == "planar":
