@@ -22,7 +22,6 @@ from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import FoundText, find_text
 from services.rectify.analysis.page_analysis import PageAnalysis, analyse_briefly, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
-from services.rectify.analysis.print_sample import sample_print
 from services.rectify.effort import BRIEF, WHOLE, Effort
 from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
@@ -47,6 +46,7 @@ from services.rectify.view.judged_view import JudgedView, best_view, judge_view
 from services.rectify.view.orientation import orient_page
 from services.rectify.view.paper_end import is_believed
 from services.rectify.view.paper_fit import fit_to_paper
+from services.rectify.view.print_sample import sample_print
 from services.rectify.view.view_plan import ViewPlan, plan_view
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.given_corners import outline_between

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from services.rectify.analysis.print_sample import print_heights, sample_print
+from services.rectify.view.print_sample import print_heights, sample_print
 from services.texture_flow.text_identification import FEWEST_CHARACTERS
 from tests.services.scenes import Album
 
