@@ -353,15 +353,15 @@ def shape_page(
         When most of its ink is no text, and no sheet's edges show its shape either.
     """
     with clock.stage("shape"):
+        if effort.is_brief:
+            evidence = analysis.evidence(view)
+            shape = brief_shape(evidence, prior, kind)
+            return ShapedPage(view, shape, shape.notices, outline, analysis, evidence.vanishing_points)
         if outline is not None:
             cut = find_cut_borders(
                 analysis.characters, analysis.text_height_px, view.width, view.height, outline.polygon
             )
             outline = leave_out_borders(outline, cut, view.width, view.height)
-        if effort.is_brief:
-            evidence = analysis.evidence(view)
-            shape = brief_shape(evidence, prior, kind)
-            return ShapedPage(view, shape, shape.notices, outline, analysis, evidence.vanishing_points)
         sheet = read_sides(outline, view, prior)
         view = view if sheet is None else sheet.view
         evidence = analysis.evidence(view)
