@@ -56,7 +56,7 @@ BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review bench-reading \
-	system-packages postgresql chromium licences client-models typescript python venv venv-dev venv-bench data-folder clean
+	system-packages postgresql chromium licences client-models api-tables typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
@@ -82,6 +82,7 @@ help:
 	@echo 'make bench-review     the order of the review queue, and what goes through without a person'
 	@echo 'make bench-reading    text of photos, app scans, receipts and flat pages beside Tesseract alone; then ten languages'
 	@echo 'make client-models    types of the answers in clients/, written anew from the OpenAPI document'
+	@echo 'make api-tables       tables of docs/api.md (operations, limits, problems), written anew from the code'
 	@echo 'make licences         what the image holds under which licence, written anew (deploy/licences.md, sbom.cdx.json)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
@@ -279,6 +280,9 @@ lock: venv-dev
 
 client-models: venv-dev typescript
 	@$(BIN)/python -m deploy.client_models
+
+api-tables: venv-dev
+	@$(BIN)/python -m deploy.api_tables
 
 licences: venv-dev
 	@$(BIN)/python -m deploy.licences

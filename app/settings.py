@@ -170,7 +170,7 @@ class Settings(BaseSettings):
     model_timeout_s: float = Field(
         default=120.0,
         gt=0,
-        description="Time limit of initializing and of training a layout model.",
+        description="Time limit of initializing and of training a layout model, and of proposals.",
     )
     worker_memory_bytes: int = Field(
         default_factory=lambda settings: worker_memory_bytes(settings.get("workers", 1) or 1),

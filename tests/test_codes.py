@@ -1,16 +1,12 @@
-"""docs/api.md names every code of a warning, a problem and an advice, and none that nothing sends."""
+"""docs/api.md names every code of a warning and an advice, and none that nothing sends."""
 
 import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from app.http.problems import STATUS_OF_CODE
-
 ROOT = Path(__file__).parent.parent
 DOCUMENT = (ROOT / "docs" / "api.md").read_text("utf-8")
-NEVER_SENT = {"client-closed-request"}
-"""The client has gone."""
 
 
 def calls(name: str) -> Iterator[ast.Call]:
@@ -45,11 +41,6 @@ def rows(heading: str) -> str:
 def test_every_warning_has_a_row_and_every_row_a_warning() -> None:
     written = set(re.findall(r"^\| `([a-z-]+)` \|", rows("| warning | meaning"), re.MULTILINE))
     assert written == codes_of("Notice")
-
-
-def test_every_problem_is_in_the_table_of_errors() -> None:
-    written = set(re.findall(r"`([a-z]+(?:-[a-z]+)*)`", rows("| status | codes |")))
-    assert set(STATUS_OF_CODE) - NEVER_SENT - written == set()
 
 
 def test_every_advice_is_named() -> None:

@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from app.http.problems import STATUS_OF_CODE
 from app.schemas.layout import LayoutForm
 from app.schemas.mosaic import MosaicForm
 from app.schemas.rectify import RectifyForm
 from benchmarks.__main__ import MODULES
+from deploy import api_tables
 
 ROOT = Path(__file__).parent.parent
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
@@ -112,3 +114,26 @@ def test_what_supersedes_a_decision_is_a_later_paragraph() -> None:
 def test_every_option_is_in_the_api_page(form: type[BaseModel]) -> None:
     page = (ROOT / "docs" / "api.md").read_text("utf-8")
     assert [name for name in form.model_fields if f"`{name}`" not in page] == []
+
+
+def test_the_tables_of_the_api_page_are_those_of_the_code() -> None:
+    page = api_tables.PAGE.read_text("utf-8")
+    assert page == api_tables.with_tables(page), "make api-tables"
+
+
+def test_what_is_told_beyond_limits_is_of_settings_and_codes() -> None:
+    assert [name for name in api_tables.BEYOND if f"`{name.upper()}`" not in api_tables.limits()] == []
+    told = {
+        code for text in api_tables.BEYOND.values() for code in re.findall(r"`([a-z]+(?:-[a-z]+)*)`", text)
+    }
+    assert told <= set(STATUS_OF_CODE)
+
+
+def test_links_to_sections_lead_to_headings() -> None:
+    """By the names that GitHub makes of headings."""
+    for target in {place for _, place in api_tables.SECTIONS}:
+        name, _, anchor = target.partition("#")
+        page = (ROOT / "docs" / (name or "api.md")).read_text("utf-8")
+        headings = re.findall(r"^#+ (.*)$", page, re.MULTILINE)
+        slugs = [re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings]
+        assert anchor in slugs, target
