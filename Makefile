@@ -56,7 +56,7 @@ BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review bench-reading \
-	system-packages postgresql chromium licences client-models api-tables typescript python venv venv-dev venv-bench data-folder clean
+	system-packages postgresql chromium java licences client-models api-tables typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
@@ -111,7 +111,7 @@ test-fast: venv-dev
 	@$(PYTEST) -m fast $(TEST_OPTIONS)
 
 # Tests that are marked `long` or read their counts from tests/counts.py.
-test-long: venv-dev postgresql
+test-long: venv-dev postgresql java
 	@LONG_TESTS=1 $(PYTEST) -m long $(TEST_OPTIONS)
 
 lint: venv-dev
@@ -214,6 +214,11 @@ postgresql:
 chromium:
 	@for program in chromium chromium-browser google-chrome; do command -v $$program >/dev/null && exit 0; done; \
 	$(call install_packages, chromium,The tests with a real browser are left out.)
+
+# What openapi-generator runs on, which makes clients in Kotlin and Swift for `make test-long`.
+java:
+	@command -v java >/dev/null && exit 0; \
+	$(call install_packages, default-jre-headless,Tests of clients in Kotlin and Swift are left out.)
 
 # The programs that make and check TypeScript types, and axe-core, which checks the accessibility of the page.
 # By itself npm tries for a quarter of an hour where its registry does not answer.

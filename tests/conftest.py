@@ -10,8 +10,10 @@ from hypothesis.internal.conjecture import providers
 
 from services.ocr.tesseract import find_tessdata
 from simulation.flat_page import Page
+from tests.counts import IS_LONG
 from tests.end_to_end.accessibility import HAS_AXE
 from tests.end_to_end.browser import CHROMIUM
+from tests.end_to_end.openapi_generator import HAS_GENERATOR
 from tests.end_to_end.typescript import HAS_TYPESCRIPT
 from tests.models.databases import KINDS
 from tests.services.scenes import Album
@@ -83,6 +85,8 @@ def untested() -> list[str]:
         missing.append("Accessibility of the page: axe-core is not installed (make typescript).")
     if not HAS_TYPESCRIPT:
         missing.append("TypeScript types and client: openapi-typescript is not installed (make typescript).")
+    if IS_LONG and not HAS_GENERATOR:
+        missing.append("Clients in Kotlin and Swift: no openapi-generator or Java (make venv-dev java).")
     if shutil.which("curl") is None:
         missing.append("The commands of README.md and docs/api.md: curl is not installed (Debian: curl).")
     if find_tessdata("eng") is None:

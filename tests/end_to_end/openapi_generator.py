@@ -1,0 +1,15 @@
+"""openapi-generator, which makes clients for phones; it needs Java (`make java`)."""
+
+import importlib.util
+import shutil
+from pathlib import Path
+
+import pytest
+
+_PACKAGE = importlib.util.find_spec("openapi_generator_cli")
+ARCHIVE = Path(_PACKAGE.origin).with_name("openapi-generator.jar") if _PACKAGE and _PACKAGE.origin else None
+"""The program, for `java -jar`."""
+HAS_GENERATOR = ARCHIVE is not None and shutil.which("java") is not None
+NEEDS_GENERATOR = pytest.mark.skipif(
+    not HAS_GENERATOR, reason="openapi-generator or Java is not installed (make venv-dev java)"
+)
