@@ -45,11 +45,14 @@ def lists_of(code: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def doubles_of(code: str) -> list[str]:
-    """`place.name` of what is declared more than once in one list: such a source does not compile."""
+    """`place.name` of what is declared more than once in one list.
+
+    Such a source does not compile. Newer generators call the second one `name2`.
+    """
     return [
         f"{place}.{name}"
         for place, names in lists_of(code)
-        for name, times in Counter(names).items()
+        for name, times in Counter(name.removesuffix("2") for name in names).items()
         if times > 1
     ]
 
@@ -59,6 +62,7 @@ def doubles_of(code: str) -> list[str]:
     [
         ("fun send(image: File, format: String?, format: Format? = Format.pdf): File", ["send.format"]),
         ('data class Page (@Json(name = "id")\n val id: Int, @Json(name = "id") val `id`: Int)', ["Page.id"]),
+        ("fun send(format: Format?, title: String?, format2: Format?)", ["send.format"]),
         ("fun <T> map(a: (T) -> Int, b: Map<a, T>, c: String /* a: Int, a: Int */): T", []),
         ("class func pay(image: [URL], image: [URL]) async throws -> String", ["pay.image"]),
         ("public init(x: Double, y: Double) { self.x = x }\nfunc f(x: Double) {}", []),
