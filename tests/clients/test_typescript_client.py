@@ -64,6 +64,9 @@ def test_it_goes_the_main_way(url: str, folder: Path, tmp_path: Path) -> None:
     # The answer that was lost had started the job that the second request found.
     assert seen["job"] == ["flat as pdf", "succeeded", 1, 2]
     assert seen["cancelled"] == {"code": "cancelled", "status": 410, "field": None, "wait": None}
+    assert seen["aborted"] == ["of a request", "of a try", "of a job"]
+    assert seen["givenUp"] == seen["cancelled"]
+    assert seen["early"] == "before"
 
 
 @NEEDS_NODE

@@ -10,17 +10,23 @@ const flat = photo(scripts.flat);
 const seen = { pauses: [], keys: [] };
 
 // Pauses of the client, not those of node's own `fetch`, are told and cut short.
+let whenPaused;
 const { setTimeout: wait } = globalThis;
 globalThis.setTimeout = (then, milliseconds, ...more) => {
   if (!new Error().stack.includes("dist/index.js")) return wait(then, milliseconds, ...more);
   seen.pauses.push(milliseconds / 1000);
-  return wait(then, 20);
+  if (whenPaused === undefined) return wait(then, 20);
+  queueMicrotask(whenPaused);
+  return wait(() => undefined, 0);
 };
 const fates = [];
 const network = async (input, init) => {
   if (init.headers["Idempotency-Key"]) seen.keys.push(init.headers["Idempotency-Key"]);
   const fate = fates.shift();
   if (fate instanceof Response) return fate;
+  if (fate === "never") {
+    return new Promise((_, reject) => init.signal.addEventListener("abort", () => reject(init.signal.reason)));
+  }
   const response = await fetch(input, init);
   if (fate === "lost") throw new TypeError("cut off");
   return response;
@@ -60,4 +66,25 @@ seen.job = [await made.content.text(), progress.at(-1), new Set(seen.keys).size,
 const job = await service.start(calls.flatten([photo(scripts.wait)]));
 await service.cancel(job);
 seen.cancelled = await problem(service.result(job));
+
+// What is given up ends at once: a request, a wait before the next try, a wait for a job, which is then cancelled.
+const reasonOf = (promise) => promise.then(() => null, (error) => error.message);
+const given = () => new AbortController();
+const request = given();
+fates.push("never");
+const unanswered = service.flatten([flat], {}, undefined, request.signal);
+request.abort(new Error("of a request"));
+const retry = given();
+fates.push(busy("100"));
+const asked = service.flatten([flat], {}, undefined, retry.signal);
+whenPaused = () => retry.abort(new Error("of a try"));
+seen.aborted = [await reasonOf(unanswered), await reasonOf(asked)];
+const work = given();
+whenPaused = () => work.abort(new Error("of a job"));
+let last;
+const told = (status) => (last = status);
+seen.aborted.push(await reasonOf(service.flatten([photo(scripts.wait)], {}, told, work.signal)));
+whenPaused = undefined;
+seen.givenUp = await problem(service.result({ id: last.id, read: async () => "" }));
+seen.early = await reasonOf(service.flatten([flat], {}, undefined, AbortSignal.abort(new Error("before"))));
 console.log(JSON.stringify(seen));

@@ -36,7 +36,8 @@ const LONGEST_WAIT_S = 120;
 
 /**
  * Sends photos to the service at `url`; all methods reject with `ProblemError`. With `progress` the work is a job, and
- * the function is called with its state until it ends.
+ * the function is called with its state until it ends. A `signal` that is aborted ends requests and waits: the method
+ * rejects with the reason of the signal, and the job that it waits for is cancelled.
  */
 export class Client {
   private readonly url: string;
@@ -52,57 +53,65 @@ export class Client {
   }
 
   /** Photos of pages as one file of flat pages: PDF, image, text or archive, by the option `format`. */
-  flatten(photos: Photo[], options?: Options, progress?: Progress): Promise<MadeFile> {
-    return this.answer(calls.flatten(photos, options), progress);
+  flatten(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<MadeFile> {
+    return this.answer(calls.flatten(photos, options), progress, signal);
   }
 
   /** What is known of the flat pages of the photos. */
-  flattenPages(photos: Photo[], options?: Options, progress?: Progress): Promise<PlainPagesResult> {
-    return this.answer(calls.flattenPages(photos, options), progress);
+  flattenPages(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<PlainPagesResult> {
+    return this.answer(calls.flattenPages(photos, options), progress, signal);
   }
 
   /** Overlapping photos of one page as one file of the whole page. */
-  mosaic(photos: Photo[], options?: Options, progress?: Progress): Promise<MadeFile> {
-    return this.answer(calls.mosaic(photos, options), progress);
+  mosaic(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<MadeFile> {
+    return this.answer(calls.mosaic(photos, options), progress, signal);
   }
 
   /** What is known of the whole page that overlapping photos show. */
-  mosaicPage(photos: Photo[], options?: Options, progress?: Progress): Promise<PlainMosaicResult> {
-    return this.answer(calls.mosaicPage(photos, options), progress);
+  mosaicPage(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<PlainMosaicResult> {
+    return this.answer(calls.mosaicPage(photos, options), progress, signal);
   }
 
   /** Class and labels of a page; of several images, of the document and of its pages. */
-  layout(images: Photo[], options?: Options, progress?: Progress): Promise<LayoutResult | DocumentResult> {
-    return this.answer(calls.layout(images, options), progress);
+  layout(images: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<LayoutResult | DocumentResult> {
+    return this.answer(calls.layout(images, options), progress, signal);
   }
 
   /** The answer to a call. */
-  async answer<Answer>(call: Call<Answer>, progress?: Progress): Promise<Answer> {
-    if (progress !== undefined) return this.result(await this.start(call), progress);
-    return read(call.read, await this.send("POST", call.path, {}, call.form));
+  async answer<Answer>(call: Call<Answer>, progress?: Progress, signal?: AbortSignal): Promise<Answer> {
+    if (progress === undefined) {
+      return read(call.read, await this.send("POST", call.path, { body: call.form, signal }), signal);
+    }
+    const job = await this.start(call, randomKey(), signal);
+    try {
+      return await this.result(job, progress, signal);
+    } catch (error) {
+      if (signal?.aborted) this.cancel(job).catch(() => undefined);
+      throw error;
+    }
   }
 
   /** The job of a call; the same call with the same `key` finds the same job. */
-  async start<Answer>(call: Call<Answer>, key = randomKey()): Promise<Job<Answer>> {
+  async start<Answer>(call: Call<Answer>, key = randomKey(), signal?: AbortSignal): Promise<Job<Answer>> {
     const headers = { Prefer: "respond-async", "Idempotency-Key": key };
-    const status = await read(readStatus, await this.send("POST", call.path, headers, call.form));
-    return { id: status.id, read: call.read };
+    const response = await this.send("POST", call.path, { headers, body: call.form, signal });
+    return { id: (await read(readStatus, response, signal)).id, read: call.read };
   }
 
   /** The state of a job. */
-  async look<Answer>(job: Job<Answer>): Promise<JobStatus> {
-    return read(readStatus, await this.send("GET", pathOf(job)));
+  async look<Answer>(job: Job<Answer>, signal?: AbortSignal): Promise<JobStatus> {
+    return read(readStatus, await this.send("GET", pathOf(job), { signal }), signal);
   }
 
   /** The answer of a job, when it has ended. It is asked about as often as the service advises. */
-  async result<Answer>(job: Job<Answer>, progress?: Progress): Promise<Answer> {
+  async result<Answer>(job: Job<Answer>, progress?: Progress, signal?: AbortSignal): Promise<Answer> {
     for (;;) {
-      const status = await this.look(job);
+      const status = await this.look(job, signal);
       progress?.(status);
       if (status.ended !== null) break;
-      await pause(status.poll_after_s ?? 1);
+      await pause(status.poll_after_s ?? 1, signal);
     }
-    return read(job.read, await this.send("GET", `${pathOf(job)}/result`));
+    return read(job.read, await this.send("GET", `${pathOf(job)}/result`, { signal }), signal);
   }
 
   /** Stop the work of a job. */
@@ -111,40 +120,47 @@ export class Client {
   }
 
   /** The answer to a request; it is sent again where that may help, when the service asks for it. */
-  private async send(
-    method: string,
-    path: string,
-    headers: Record<string, string> = {},
-    body?: FormData,
-  ): Promise<Response> {
+  private async send(method: string, path: string, sent: Sent = {}): Promise<Response> {
+    const { body, signal } = sent;
+    const init: RequestInit = { method, headers: { ...this.headers, ...sent.headers } };
+    if (body !== undefined) init.body = body;
+    if (signal !== undefined) init.signal = signal;
     for (let attempt = 1; ; attempt += 1) {
       let wait = FIRST_WAIT_S * 2 ** (attempt - 1);
       let failure: ProblemError;
       try {
-        const init: RequestInit = { method, headers: { ...this.headers, ...headers } };
-        const response = await this.fetch(this.url + path, body === undefined ? init : { ...init, body });
+        const response = await this.fetch(this.url + path, init);
         if (response.ok) return response;
         failure = await problemOf(response);
         if (!RETRIED.has(response.status)) throw failure;
         wait = retryAfter(response) ?? wait;
       } catch (error) {
+        signal?.throwIfAborted();
         if (error instanceof ProblemError) throw error;
         failure = new ProblemError(`The service cannot be reached: ${String(error)}.`, "unreachable");
       }
       if (attempt >= this.tries || wait > LONGEST_WAIT_S) throw failure;
-      await pause(wait);
+      await pause(wait, signal);
     }
   }
+}
+
+/** What a request has beside its method and path. */
+interface Sent {
+  headers?: Record<string, string>;
+  body?: FormData;
+  signal?: AbortSignal | undefined;
 }
 
 async function readStatus(response: Response): Promise<JobStatus> {
   return (await response.json()) as JobStatus;
 }
 
-async function read<Answer>(reader: Read<Answer>, response: Response): Promise<Answer> {
+async function read<Answer>(reader: Read<Answer>, response: Response, signal?: AbortSignal): Promise<Answer> {
   try {
     return await reader(response);
   } catch (error) {
+    signal?.throwIfAborted();
     throw new ProblemError(`The answer cannot be read: ${String(error)}.`, "unexpected-answer", response.status);
   }
 }
@@ -153,8 +169,20 @@ function pathOf<Answer>(job: Job<Answer>): string {
   return `/jobs/${encodeURIComponent(job.id)}`;
 }
 
-function pause(seconds: number): Promise<void> {
-  return new Promise((resolve) => setTimeout(resolve, seconds * 1000));
+/** Waits; rejects with the reason of a signal that is aborted. */
+function pause(seconds: number, signal?: AbortSignal): Promise<void> {
+  return new Promise((resolve, reject) => {
+    signal?.throwIfAborted();
+    const end = (): void => {
+      clearTimeout(timer);
+      reject(signal?.reason);
+    };
+    const timer = setTimeout(() => {
+      signal?.removeEventListener("abort", end);
+      resolve();
+    }, seconds * 1000);
+    signal?.addEventListener("abort", end, { once: true });
+  });
 }
 
 /** Random, not secret. `crypto` is missing in node 18 and on pages without TLS. */
