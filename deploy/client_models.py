@@ -1,4 +1,4 @@
-"""The answers' types of both clients, from the OpenAPI document: `make client-models`.
+"""The types of answers and options of both clients, from the OpenAPI document: `make client-models`.
 
 Writes `models.py` of clients/python (dataclasses) and `models.ts` of clients/typescript (by openapi-typescript). The
 rules for Python are few, because the document has few forms: named objects, lists, rows of numbers, null, unions.
@@ -23,6 +23,12 @@ TYPESCRIPT = ROOT / "clients" / "typescript" / "src" / "models.ts"
 OPENAPI_TYPESCRIPT = ROOT / "tests" / "end_to_end" / "node_modules" / ".bin" / "openapi-typescript"
 ANSWERS = ("PlainPagesResult", "PlainMosaicResult", "LayoutResult", "DocumentResult", "JobStatus", "Problem")
 """What the clients answer; whatever these have in them comes along."""
+OPTIONS = {
+    "RectifyOptions": "RectifyForm",
+    "MosaicOptions": "MosaicForm",
+    "LayoutOptions": "LayoutForm",
+}
+"""Options of the forms whose work the clients ask for."""
 _PLAIN_TYPES = {"string": "str", "integer": "int", "number": "float", "boolean": "bool", "null": "None"}
 _PLACE = "#/components/schemas/"
 _HEAD = '''"""What the service answers. Made from its OpenAPI document; do not edit."""
@@ -30,7 +36,7 @@ _HEAD = '''"""What the service answers. Made from its OpenAPI document; do not e
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal
+from typing import Any, Literal, TypedDict
 '''
 
 Schema = dict[str, Any]
@@ -49,6 +55,35 @@ def answer_schemas() -> dict[str, Schema]:
     return {name: _untitled(schemas[name]) for name in sorted(found)}
 
 
+def option_schemas() -> dict[str, Schema]:
+    """The schemas of `OPTIONS`: what a form takes beside its files, any of it; JSON may be written as it is."""
+    schemas = create_app(Settings()).openapi()["components"]["schemas"]
+    made = {}
+    for name, form in OPTIONS.items():
+        parts = {
+            key: _option(each) for key, each in schemas[form]["properties"].items() if not _is_file(each)
+        }
+        made[name] = {"type": "object", "description": f"Options of {form}.", "properties": parts}
+    return made
+
+
+def _is_file(schema: Schema) -> bool:
+    return "binary" in (schema.get("format"), schema.get("items", {}).get("format"))
+
+
+def _option(schema: Schema) -> Schema:
+    """An option without its bounds and its default. A text that is JSON may be a list, an object or a number."""
+    kinds: Schema = {key: schema[key] for key in ("type", "enum") if key in schema}
+    pattern, text = schema.get("pattern", ""), {"type": "string"}
+    if pattern.startswith(r"^(\["):
+        kinds = {"anyOf": [text, {"type": "array", "items": {}}]}
+    elif "contentMediaType" in schema:
+        kinds = {"anyOf": [text, {"type": "object", "additionalProperties": {}}]}
+    elif kinds == text and re.search(r"auto\|(0|\[0-9\])", pattern):
+        kinds = {"anyOf": [text, {"type": "integer"}]}
+    return {**kinds, **{key: schema[key] for key in ("description",) if key in schema}}
+
+
 def _untitled(schema: Any) -> Any:
     """The schema without titles, which only repeat names. A property may be named `title`."""
     if isinstance(schema, list):
@@ -58,8 +93,10 @@ def _untitled(schema: Any) -> Any:
     return {key: _untitled(each) for key, each in schema.items() if (key, type(each)) != ("title", str)}
 
 
-def python_of(schemas: dict[str, Schema]) -> str:
-    """The module with one dataclass for each schema.
+def python_of(schemas: dict[str, Schema], options: dict[str, Schema]) -> str:
+    """The module with one dataclass for each schema, and one dictionary for each of the options.
+
+    `format` is a parameter of methods that answer files; the others answer JSON.
 
     Raises
     ------
@@ -73,6 +110,12 @@ def python_of(schemas: dict[str, Schema]) -> str:
         required = schema.get("required", ())
         for key, each in schema["properties"].items():
             lines += _field(key, each, key in required)
+    for name, schema in options.items():
+        lines += ["", f"class {name}(TypedDict, total=False):", *_docstring(schema["description"]), ""]
+        for key, each in schema["properties"].items():
+            if key != "format":
+                lines += [f"    {key}: {_type(each)} | None"]
+                lines += _docstring(each["description"]) if "description" in each else []
     return _formatted("\n".join(lines) + "\n")
 
 
@@ -96,6 +139,8 @@ def _field(key: str, schema: Schema, is_required: bool) -> Iterator[str]:
 
 def _type(schema: Schema) -> str:
     match schema:
+        case _ if not schema:
+            kind = "Any"
         case {"$ref": place}:
             kind = str(place).removeprefix(_PLACE)
         case {"anyOf": options} | {"oneOf": options}:
@@ -142,6 +187,6 @@ def typescript_of(schemas: dict[str, Schema]) -> str:
 
 
 if __name__ == "__main__":
-    made = answer_schemas()
-    PYTHON.write_text(python_of(made), encoding="utf-8")
-    TYPESCRIPT.write_text(typescript_of(made), encoding="utf-8")
+    answers, options = answer_schemas(), option_schemas()
+    PYTHON.write_text(python_of(answers, options), encoding="utf-8")
+    TYPESCRIPT.write_text(typescript_of({**answers, **options}), encoding="utf-8")

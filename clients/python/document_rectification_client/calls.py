@@ -5,23 +5,24 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, Unpack
 
 import httpx
 
 from document_rectification_client.models import (
     DocumentResult,
+    LayoutOptions,
     LayoutResult,
+    MosaicOptions,
     PlainMosaicResult,
     PlainPagesResult,
+    RectifyOptions,
 )
 from document_rectification_client.reading import read
 
 Answer = TypeVar("Answer")
 Photo = str | os.PathLike[str] | bytes
 """A path, or the bytes of a file."""
-Option = str | float | bool | Sequence[Any] | Mapping[str, Any] | None
-"""The value of an option; points are lists of numbers, and None leaves the option out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ class Call(Generic[Answer]):
     read: Callable[[httpx.Response], Answer]
 
 
-def flatten(photos: Sequence[Photo], format: str = "pdf", **options: Option) -> Call[File]:
+def flatten(photos: Sequence[Photo], format: str = "pdf", **options: Unpack[RectifyOptions]) -> Call[File]:
     """Photos of pages as one file of flat pages.
 
     Raises
@@ -63,24 +64,26 @@ def flatten(photos: Sequence[Photo], format: str = "pdf", **options: Option) -> 
     return Call("/rectify", _files("image", photos), _fields({**options, "format": format}), read_file)
 
 
-def flatten_pages(photos: Sequence[Photo], **options: Option) -> Call[PlainPagesResult]:
+def flatten_pages(photos: Sequence[Photo], **options: Unpack[RectifyOptions]) -> Call[PlainPagesResult]:
     """What is known of the flat pages of the photos."""
     return Call("/rectify/pages", _files("image", photos), _fields(options), _reader(PlainPagesResult))
 
 
-def mosaic(photos: Sequence[Photo], format: str = "pdf", **options: Option) -> Call[File]:
+def mosaic(photos: Sequence[Photo], format: str = "pdf", **options: Unpack[MosaicOptions]) -> Call[File]:
     """Overlapping photos of one page as one file of the whole page."""
     return Call("/mosaic", _files("images", photos), _fields({**options, "format": format}), read_file)
 
 
-def mosaic_page(photos: Sequence[Photo], **options: Option) -> Call[PlainMosaicResult]:
+def mosaic_page(photos: Sequence[Photo], **options: Unpack[MosaicOptions]) -> Call[PlainMosaicResult]:
     """What is known of the whole page that overlapping photos show."""
     return Call("/mosaic/json", _files("images", photos), _fields(options), _reader(PlainMosaicResult))
 
 
-def layout(images: Sequence[Photo] = (), **options: Option) -> Call[LayoutResult | DocumentResult]:
+def layout(
+    images: Sequence[Photo] = (), **options: Unpack[LayoutOptions]
+) -> Call[LayoutResult | DocumentResult]:
     """Class and labels of a page; of several images, of the document and of its pages."""
-    return Call("/layout", _files("image", images), _fields({"format": "json", **options}), _read_layout)
+    return Call("/layout", _files("image", images), _fields({**options, "format": "json"}), _read_layout)
 
 
 def read_file(response: httpx.Response) -> File:
@@ -121,9 +124,9 @@ def _named(photo: Photo, number: int) -> tuple[str, bytes]:
     return path.name, path.read_bytes()
 
 
-def _fields(options: Mapping[str, Option]) -> dict[str, str]:
+def _fields(options: Mapping[str, Any]) -> dict[str, str]:
     return {name: _text(value) for name, value in options.items() if value is not None}
 
 
-def _text(value: Option) -> str:
+def _text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)

@@ -4,19 +4,22 @@ import asyncio
 import time
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Self
+from typing import Self, Unpack
 
 import httpx
 
 from document_rectification_client import calls, flows
-from document_rectification_client.calls import Answer, Call, File, Option, Photo
+from document_rectification_client.calls import Answer, Call, File, Photo
 from document_rectification_client.flows import Flow, Job, Progress
 from document_rectification_client.models import (
     DocumentResult,
     JobStatus,
+    LayoutOptions,
     LayoutResult,
+    MosaicOptions,
     PlainMosaicResult,
     PlainPagesResult,
+    RectifyOptions,
 )
 
 URL = "http://127.0.0.1:8000"
@@ -68,13 +71,13 @@ class Client:
         format: str = "pdf",
         *,
         progress: Progress | None = None,
-        **options: Option,
+        **options: Unpack[RectifyOptions],
     ) -> File:
         """Photos of pages as one file of flat pages: PDF, image, text or archive."""
         return self.answer(calls.flatten(photos, format, **options), progress)
 
     def flatten_pages(
-        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Option
+        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Unpack[RectifyOptions]
     ) -> PlainPagesResult:
         """What is known of the flat pages of the photos."""
         return self.answer(calls.flatten_pages(photos, **options), progress)
@@ -85,19 +88,23 @@ class Client:
         format: str = "pdf",
         *,
         progress: Progress | None = None,
-        **options: Option,
+        **options: Unpack[MosaicOptions],
     ) -> File:
         """Overlapping photos of one page as one file of the whole page."""
         return self.answer(calls.mosaic(photos, format, **options), progress)
 
     def mosaic_page(
-        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Option
+        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Unpack[MosaicOptions]
     ) -> PlainMosaicResult:
         """What is known of the whole page that overlapping photos show."""
         return self.answer(calls.mosaic_page(photos, **options), progress)
 
     def layout(
-        self, images: Sequence[Photo] = (), *, progress: Progress | None = None, **options: Option
+        self,
+        images: Sequence[Photo] = (),
+        *,
+        progress: Progress | None = None,
+        **options: Unpack[LayoutOptions],
     ) -> LayoutResult | DocumentResult:
         """Class and labels of a page; of several images, of the document and of its pages."""
         return self.answer(calls.layout(images, **options), progress)
@@ -174,13 +181,13 @@ class AsyncClient:
         format: str = "pdf",
         *,
         progress: Progress | None = None,
-        **options: Option,
+        **options: Unpack[RectifyOptions],
     ) -> File:
         """Photos of pages as one file of flat pages: PDF, image, text or archive."""
         return await self.answer(await asyncio.to_thread(calls.flatten, photos, format, **options), progress)
 
     async def flatten_pages(
-        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Option
+        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Unpack[RectifyOptions]
     ) -> PlainPagesResult:
         """What is known of the flat pages of the photos."""
         return await self.answer(await asyncio.to_thread(calls.flatten_pages, photos, **options), progress)
@@ -191,19 +198,23 @@ class AsyncClient:
         format: str = "pdf",
         *,
         progress: Progress | None = None,
-        **options: Option,
+        **options: Unpack[MosaicOptions],
     ) -> File:
         """Overlapping photos of one page as one file of the whole page."""
         return await self.answer(await asyncio.to_thread(calls.mosaic, photos, format, **options), progress)
 
     async def mosaic_page(
-        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Option
+        self, photos: Sequence[Photo], *, progress: Progress | None = None, **options: Unpack[MosaicOptions]
     ) -> PlainMosaicResult:
         """What is known of the whole page that overlapping photos show."""
         return await self.answer(await asyncio.to_thread(calls.mosaic_page, photos, **options), progress)
 
     async def layout(
-        self, images: Sequence[Photo] = (), *, progress: Progress | None = None, **options: Option
+        self,
+        images: Sequence[Photo] = (),
+        *,
+        progress: Progress | None = None,
+        **options: Unpack[LayoutOptions],
     ) -> LayoutResult | DocumentResult:
         """Class and labels of a page; of several images, of the document and of its pages."""
         return await self.answer(await asyncio.to_thread(calls.layout, images, **options), progress)

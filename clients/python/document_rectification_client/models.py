@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal
+from typing import Any, Literal, TypedDict
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -813,3 +813,164 @@ class Warning:
 
     code: str
     detail: str
+
+
+class RectifyOptions(TypedDict, total=False):
+    """Options of RectifyForm."""
+
+    kind: Literal["auto", "planar", "curved"] | None
+    """planar or curved: skip the decision between both."""
+    upright: bool | None
+    """Rotate (and mirror) the result so that the text is upright; false: only make the text lines
+    horizontal."""
+    focal_length_px: float | None
+    """Known focal length; default: from EXIF if present, else estimated."""
+    region: str | list[Any] | None
+    """JSON [[x, y], ...] of 3 to 200 points, pixels of the photo after its EXIF rotation: polygon around the
+    page's text, to guide text identification. For one photo only."""
+    corners: str | list[Any] | None
+    """JSON [[x, y], [x, y], [x, y], [x, y]]: the sheet's corners in the photo, pixels after its EXIF
+    rotation, clockwise from the page's top left. They are exact and not moved; the sides between them are
+    sought. Several pages: a list with an entry for each, null where they are to be found."""
+    rotate: str | int | None
+    """Clockwise turn of the flat page in degrees, in place of the one that `upright` finds (which
+    `orientation.rotation_deg` says), or with `corners` of the page that begins at the first of them: auto, 0,
+    90, 180 or 270. Several pages: an entry for each, as auto,90,auto, or one for all."""
+    margin: float | None
+    """What is shown around the cut, percent of the page's width."""
+    illumination: Literal["keep", "normalize", "gray", "bw"] | None
+    """normalize: remove uneven light and shadow: dark text on white paper; gray: the same in gray; bw: in
+    black and white, Group 4 in PDFs and TIFF files."""
+    crop: Literal["sheet", "text", "photo"] | None
+    """Content of the view: the sheet cut at its edges, the text with margins, or all of the photo near the
+    text."""
+    pages: Literal["main", "both"] | None
+    """For an open book: the main page of the photo, or both pages, left before right. With `both` the
+    response is a list of pages, even for one page."""
+    paper: str | None
+    """True size of the sheet: auto (a format where the sheet's corners are seen and only one has its
+    proportions), none, a3, a4, a5, letter, legal, or width x height in millimetres (210x297)."""
+    on_no_text: Literal["refuse", "keep"] | None
+    """keep: pass a photo through as it is when neither text nor an outline shows its page's shape; refuse:
+    answer `no-text`. Default: refuse for one page, keep for several."""
+    preview: bool | None
+    """With format=json, for live use: mesh, outline, quality and advice from a reduced photo. Nothing is
+    drawn, read or turned upright."""
+    keep_photo: bool | None
+    """Keep the photo with what later answers need: the response has `page_id` (header `Document-Page-Id`),
+    see /pages. Default: the setting KEEP_PHOTOS (false, unless the operator has changed it)."""
+    camera: str | None
+    """Name of the camera, any token: the focal length that its pages show is remembered, and used where a
+    page does not show it. Default: make, model and size of the photo by EXIF."""
+    text: bool | None
+    """Read the page: `text` in JSON has the words with their places, and a PDF gets an invisible text layer,
+    so that it can be searched. The formats hocr, alto, txt and markdown imply it."""
+    language: str | None
+    """Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. Default:
+    the first of OCR_LANGUAGES."""
+    quality: int | None
+    """1-100, for lossy formats; default 90."""
+    embed: bool | None
+    """With JSON: include the image as base64 in `image`."""
+    embed_format: Literal["jpeg", "png", "webp"] | None
+    """With JSON: the format of the image in `image`, which is then included (as by embed=true). Default: the
+    photo's own format."""
+    max_width: int | None
+    """Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its
+    proportions. Sizes and meshes in the response are those of the smaller picture."""
+    max_height: int | None
+    """Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its
+    proportions. Sizes and meshes in the response are those of the smaller picture."""
+    pdf_version: Literal["1.7", "a-2b"] | None
+    """Version of a PDF: 1.7, or a-2b for archives (PDF/A-2b, ISO 19005-2)."""
+    title: str | None
+    """Title of a PDF or hOCR file; default: the file name of the (first) photo."""
+    archive: Literal["images", "json", "both"] | None
+    """What an archive (format=zip) has of every page: its image, its JSON description (page-01.json; the
+    problem of a page that failed), or both."""
+    callback_url: str | None
+    """With `Prefer: respond-async`: where the service sends the job's state at its end, signed as Standard
+    Webhooks says. The host must be one of CALLBACK_HOSTS."""
+
+
+class MosaicOptions(TypedDict, total=False):
+    """Options of MosaicForm."""
+
+    rectify: bool | None
+    """false: the photos are already flat (scans) and differ by shift, scale and a small rotation only."""
+    base: str | int | None
+    """Index, from 0, of a photo. If the photos form parts that do not connect, the response shows the part
+    with this photo; auto: the largest part."""
+    composition: Literal["selective", "average"] | None
+    """selective: each word from the sharpest photo; else a feathered average, for comparison."""
+    upright: bool | None
+    """Rotate (and mirror) the result so that the text is upright; false: only make the text lines
+    horizontal."""
+    rotate: str | int | None
+    """Clockwise turn of the page in degrees, in place of the one that `upright` finds: auto, 0, 90, 180 or
+    270."""
+    illumination: Literal["keep", "normalize", "gray", "bw"] | None
+    """normalize: remove uneven light and shadow: dark text on white paper; gray: the same in gray; bw: in
+    black and white, Group 4 in PDFs and TIFF files."""
+    keep_photo: bool | None
+    """Keep the joined page for later answers: the response has `page_id` (header `Document-Page-Id`), see
+    /pages. The photos are not kept."""
+    camera: str | None
+    """Name of the camera, any token: the focal length that its pages show is remembered, and used where a
+    page does not show it. Default: make, model and size of the photo by EXIF."""
+    text: bool | None
+    """Read the page: `text` in JSON has the words with their places, and a PDF gets an invisible text layer,
+    so that it can be searched. The formats hocr, alto, txt and markdown imply it."""
+    language: str | None
+    """Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. Default:
+    the first of OCR_LANGUAGES."""
+    quality: int | None
+    """1-100, for lossy formats; default 90."""
+    embed: bool | None
+    """With JSON: include the image as base64 in `image`."""
+    embed_format: Literal["jpeg", "png", "webp"] | None
+    """With JSON: the format of the image in `image`, which is then included (as by embed=true). Default: the
+    photo's own format."""
+    max_width: int | None
+    """Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its
+    proportions. Sizes and meshes in the response are those of the smaller picture."""
+    max_height: int | None
+    """Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its
+    proportions. Sizes and meshes in the response are those of the smaller picture."""
+    pdf_version: Literal["1.7", "a-2b"] | None
+    """Version of a PDF: 1.7, or a-2b for archives (PDF/A-2b, ISO 19005-2)."""
+    title: str | None
+    """Title of a PDF or hOCR file; default: the file name of the (first) photo."""
+    callback_url: str | None
+    """With `Prefer: respond-async`: where the service sends the job's state at its end, signed as Standard
+    Webhooks says. The host must be one of CALLBACK_HOSTS."""
+
+
+class LayoutOptions(TypedDict, total=False):
+    """Options of LayoutForm."""
+
+    zones: str | dict[str, Any] | None
+    """JSON `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "font_size"?, "lines"?, "text"?,
+    "kind"?}]}`, as a field or as a file: zones from another segmenter. With `image`, they are in pixels of
+    the image."""
+    rectify: bool | None
+    """Rectify the photo first; zones are then in pixels of the flat page."""
+    ocr: Literal["auto", "off"] | None
+    """auto: read the page if an OCR engine is installed."""
+    language: str | None
+    """Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. Default:
+    the first of OCR_LANGUAGES."""
+    models: str | None
+    """The models to compare, separated by commas; default: all."""
+    keep_image: bool | None
+    """Keep the picture of the page with the result, for GET /layout/results/{id}/image. Default: by the
+    setting KEEP_IMAGES (false, unless the operator has changed it)."""
+    page: int | None
+    """Number, from 1, of the only page to recognize."""
+    explain: bool | None
+    """With JSON: list the terms of the cost, largest first, in `match.explanation`."""
+    words: bool | None
+    """Add the words of every zone, each with its box and OCR confidence, to JSON, PAGE-XML and ALTO."""
+    callback_url: str | None
+    """With `Prefer: respond-async`: where the service sends the job's state at its end, signed as Standard
+    Webhooks says. The host must be one of CALLBACK_HOSTS."""

@@ -1,12 +1,20 @@
 /** Operations of the service: what is sent, and how the answer is read. */
 
-import type { DocumentResult, LayoutResult, PlainMosaicResult, PlainPagesResult } from "./models.js";
+import type {
+  DocumentResult,
+  LayoutOptions,
+  LayoutResult,
+  MosaicOptions,
+  PlainMosaicResult,
+  PlainPagesResult,
+  RectifyOptions,
+} from "./models.js";
 
 /** A photo; a `File` has a name, too. */
 export type Photo = Blob;
 
-/** Options of the service's forms (docs/api.md); points are lists of numbers. */
-export type Options = Record<string, string | number | boolean | object | null | undefined>;
+/** Options of a form of the service; points are lists of numbers, and null leaves an option out. */
+export type Given<Options> = { [Name in keyof Options]?: Options[Name] | null | undefined };
 
 /** A file that the service made. */
 export interface MadeFile {
@@ -29,28 +37,28 @@ export interface Call<Answer> {
 }
 
 /** Photos of pages as one file of flat pages. */
-export function flatten(photos: Photo[], options: Options = {}): Call<MadeFile> {
+export function flatten(photos: Photo[], options: Given<RectifyOptions> = {}): Call<MadeFile> {
   return { path: "/rectify", form: form("image", photos, { format: "pdf", ...options }), read: readFile };
 }
 
 /** What is known of the flat pages of the photos. */
-export function flattenPages(photos: Photo[], options: Options = {}): Call<PlainPagesResult> {
+export function flattenPages(photos: Photo[], options: Given<Omit<RectifyOptions, "format">> = {}): Call<PlainPagesResult> {
   return { path: "/rectify/pages", form: form("image", photos, options), read: readJson };
 }
 
 /** Overlapping photos of one page as one file of the whole page. */
-export function mosaic(photos: Photo[], options: Options = {}): Call<MadeFile> {
+export function mosaic(photos: Photo[], options: Given<MosaicOptions> = {}): Call<MadeFile> {
   return { path: "/mosaic", form: form("images", photos, { format: "pdf", ...options }), read: readFile };
 }
 
 /** What is known of the whole page that overlapping photos show. */
-export function mosaicPage(photos: Photo[], options: Options = {}): Call<PlainMosaicResult> {
+export function mosaicPage(photos: Photo[], options: Given<Omit<MosaicOptions, "format">> = {}): Call<PlainMosaicResult> {
   return { path: "/mosaic/json", form: form("images", photos, options), read: readJson };
 }
 
 /** Class and labels of a page; of several images, of the document and of its pages. */
-export function layout(images: Photo[], options: Options = {}): Call<LayoutResult | DocumentResult> {
-  return { path: "/layout", form: form("image", images, { format: "json", ...options }), read: readJson };
+export function layout(images: Photo[], options: Given<Omit<LayoutOptions, "format">> = {}): Call<LayoutResult | DocumentResult> {
+  return { path: "/layout", form: form("image", images, { ...options, format: "json" }), read: readJson };
 }
 
 async function readJson<Answer>(response: Response): Promise<Answer> {
@@ -72,7 +80,7 @@ function listed(header: string | null): string[] {
   return (header ?? "").split(",").map((part) => part.trim()).filter((part) => part !== "");
 }
 
-function form(part: string, photos: Photo[], options: Options): FormData {
+function form(part: string, photos: Photo[], options: object): FormData {
   const made = new FormData();
   photos.forEach((photo, index) => {
     made.append(part, photo, "name" in photo ? String(photo.name) : `photo-${index + 1}`);

@@ -1,12 +1,21 @@
 /** Client of the document rectification service, for browsers and node. It needs nothing but `fetch`. */
 
 import * as calls from "./calls.js";
-import type { Call, MadeFile, Options, Photo, Read } from "./calls.js";
-import type { DocumentResult, JobStatus, LayoutResult, PlainMosaicResult, PlainPagesResult } from "./models.js";
+import type { Call, Given, MadeFile, Photo, Read } from "./calls.js";
+import type {
+  DocumentResult,
+  JobStatus,
+  LayoutOptions,
+  LayoutResult,
+  MosaicOptions,
+  PlainMosaicResult,
+  PlainPagesResult,
+  RectifyOptions,
+} from "./models.js";
 import { ProblemError, problemOf, retryAfter } from "./problems.js";
 
 export type * from "./models.js";
-export type { Call, MadeFile, Options, Photo, Read } from "./calls.js";
+export type { Call, Given, MadeFile, Photo, Read } from "./calls.js";
 export { calls, ProblemError };
 
 /** Called with the state of a job until it ends. */
@@ -53,27 +62,27 @@ export class Client {
   }
 
   /** Photos of pages as one file of flat pages: PDF, image, text or archive, by the option `format`. */
-  flatten(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<MadeFile> {
+  flatten(photos: Photo[], options?: Given<RectifyOptions>, progress?: Progress, signal?: AbortSignal): Promise<MadeFile> {
     return this.answer(calls.flatten(photos, options), progress, signal);
   }
 
   /** What is known of the flat pages of the photos. */
-  flattenPages(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<PlainPagesResult> {
+  flattenPages(photos: Photo[], options?: Given<Omit<RectifyOptions, "format">>, progress?: Progress, signal?: AbortSignal): Promise<PlainPagesResult> {
     return this.answer(calls.flattenPages(photos, options), progress, signal);
   }
 
   /** Overlapping photos of one page as one file of the whole page. */
-  mosaic(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<MadeFile> {
+  mosaic(photos: Photo[], options?: Given<MosaicOptions>, progress?: Progress, signal?: AbortSignal): Promise<MadeFile> {
     return this.answer(calls.mosaic(photos, options), progress, signal);
   }
 
   /** What is known of the whole page that overlapping photos show. */
-  mosaicPage(photos: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<PlainMosaicResult> {
+  mosaicPage(photos: Photo[], options?: Given<Omit<MosaicOptions, "format">>, progress?: Progress, signal?: AbortSignal): Promise<PlainMosaicResult> {
     return this.answer(calls.mosaicPage(photos, options), progress, signal);
   }
 
   /** Class and labels of a page; of several images, of the document and of its pages. */
-  layout(images: Photo[], options?: Options, progress?: Progress, signal?: AbortSignal): Promise<LayoutResult | DocumentResult> {
+  layout(images: Photo[], options?: Given<Omit<LayoutOptions, "format">>, progress?: Progress, signal?: AbortSignal): Promise<LayoutResult | DocumentResult> {
     return this.answer(calls.layout(images, options), progress, signal);
   }
 

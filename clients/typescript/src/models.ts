@@ -747,6 +747,179 @@ export interface components {
             code: string;
             detail: string;
         };
+        /** @description Options of RectifyForm. */
+        RectifyOptions: {
+            /**
+             * @description planar or curved: skip the decision between both.
+             * @enum {string}
+             */
+            kind?: "auto" | "planar" | "curved";
+            /** @description Rotate (and mirror) the result so that the text is upright; false: only make the text lines horizontal. */
+            upright?: boolean;
+            /** @description Known focal length; default: from EXIF if present, else estimated. */
+            focal_length_px?: number;
+            /** @description JSON [[x, y], ...] of 3 to 200 points, pixels of the photo after its EXIF rotation: polygon around the page's text, to guide text identification. For one photo only. */
+            region?: string | unknown[];
+            /** @description JSON [[x, y], [x, y], [x, y], [x, y]]: the sheet's corners in the photo, pixels after its EXIF rotation, clockwise from the page's top left. They are exact and not moved; the sides between them are sought. Several pages: a list with an entry for each, null where they are to be found. */
+            corners?: string | unknown[];
+            /** @description Clockwise turn of the flat page in degrees, in place of the one that `upright` finds (which `orientation.rotation_deg` says), or with `corners` of the page that begins at the first of them: auto, 0, 90, 180 or 270. Several pages: an entry for each, as auto,90,auto, or one for all. */
+            rotate?: string | number;
+            /** @description What is shown around the cut, percent of the page's width. */
+            margin?: number;
+            /**
+             * @description normalize: remove uneven light and shadow: dark text on white paper; gray: the same in gray; bw: in black and white, Group 4 in PDFs and TIFF files.
+             * @enum {string}
+             */
+            illumination?: "keep" | "normalize" | "gray" | "bw";
+            /**
+             * @description Content of the view: the sheet cut at its edges, the text with margins, or all of the photo near the text.
+             * @enum {string}
+             */
+            crop?: "sheet" | "text" | "photo";
+            /**
+             * @description For an open book: the main page of the photo, or both pages, left before right. With `both` the response is a list of pages, even for one page.
+             * @enum {string}
+             */
+            pages?: "main" | "both";
+            /** @description True size of the sheet: auto (a format where the sheet's corners are seen and only one has its proportions), none, a3, a4, a5, letter, legal, or width x height in millimetres (210x297). */
+            paper?: string;
+            /**
+             * @description keep: pass a photo through as it is when neither text nor an outline shows its page's shape; refuse: answer `no-text`. Default: refuse for one page, keep for several.
+             * @enum {string}
+             */
+            on_no_text?: "refuse" | "keep";
+            /** @description With format=json, for live use: mesh, outline, quality and advice from a reduced photo. Nothing is drawn, read or turned upright. */
+            preview?: boolean;
+            /** @description Keep the photo with what later answers need: the response has `page_id` (header `Document-Page-Id`), see /pages. Default: the setting KEEP_PHOTOS (false, unless the operator has changed it). */
+            keep_photo?: boolean;
+            /** @description Name of the camera, any token: the focal length that its pages show is remembered, and used where a page does not show it. Default: make, model and size of the photo by EXIF. */
+            camera?: string;
+            /** @description Read the page: `text` in JSON has the words with their places, and a PDF gets an invisible text layer, so that it can be searched. The formats hocr, alto, txt and markdown imply it. */
+            text?: boolean;
+            /** @description Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. Default: the first of OCR_LANGUAGES. */
+            language?: string;
+            /**
+             * @description Format of the response; overrides `Accept`. Default: an image in the photo's own format, or a PDF for several pages. `zip` has one image per page; `jpeg`, `png` and `webp` hold one page only; `hocr`, `alto`, `txt` and `markdown` are the text of the pages.
+             * @enum {string}
+             */
+            format?: "jpeg" | "png" | "webp" | "tiff" | "pdf" | "json" | "zip" | "hocr" | "alto" | "txt" | "markdown";
+            /** @description 1-100, for lossy formats; default 90. */
+            quality?: number;
+            /** @description With JSON: include the image as base64 in `image`. */
+            embed?: boolean;
+            /**
+             * @description With JSON: the format of the image in `image`, which is then included (as by embed=true). Default: the photo's own format.
+             * @enum {string}
+             */
+            embed_format?: "jpeg" | "png" | "webp";
+            /** @description Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its proportions. Sizes and meshes in the response are those of the smaller picture. */
+            max_width?: number;
+            /** @description Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its proportions. Sizes and meshes in the response are those of the smaller picture. */
+            max_height?: number;
+            /**
+             * @description Version of a PDF: 1.7, or a-2b for archives (PDF/A-2b, ISO 19005-2).
+             * @enum {string}
+             */
+            pdf_version?: "1.7" | "a-2b";
+            /** @description Title of a PDF or hOCR file; default: the file name of the (first) photo. */
+            title?: string;
+            /**
+             * @description What an archive (format=zip) has of every page: its image, its JSON description (page-01.json; the problem of a page that failed), or both.
+             * @enum {string}
+             */
+            archive?: "images" | "json" | "both";
+            /** @description With `Prefer: respond-async`: where the service sends the job's state at its end, signed as Standard Webhooks says. The host must be one of CALLBACK_HOSTS. */
+            callback_url?: string;
+        };
+        /** @description Options of MosaicForm. */
+        MosaicOptions: {
+            /** @description false: the photos are already flat (scans) and differ by shift, scale and a small rotation only. */
+            rectify?: boolean;
+            /** @description Index, from 0, of a photo. If the photos form parts that do not connect, the response shows the part with this photo; auto: the largest part. */
+            base?: string | number;
+            /**
+             * @description selective: each word from the sharpest photo; else a feathered average, for comparison.
+             * @enum {string}
+             */
+            composition?: "selective" | "average";
+            /** @description Rotate (and mirror) the result so that the text is upright; false: only make the text lines horizontal. */
+            upright?: boolean;
+            /** @description Clockwise turn of the page in degrees, in place of the one that `upright` finds: auto, 0, 90, 180 or 270. */
+            rotate?: string | number;
+            /**
+             * @description normalize: remove uneven light and shadow: dark text on white paper; gray: the same in gray; bw: in black and white, Group 4 in PDFs and TIFF files.
+             * @enum {string}
+             */
+            illumination?: "keep" | "normalize" | "gray" | "bw";
+            /** @description Keep the joined page for later answers: the response has `page_id` (header `Document-Page-Id`), see /pages. The photos are not kept. */
+            keep_photo?: boolean;
+            /** @description Name of the camera, any token: the focal length that its pages show is remembered, and used where a page does not show it. Default: make, model and size of the photo by EXIF. */
+            camera?: string;
+            /** @description Read the page: `text` in JSON has the words with their places, and a PDF gets an invisible text layer, so that it can be searched. The formats hocr, alto, txt and markdown imply it. */
+            text?: boolean;
+            /** @description Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. Default: the first of OCR_LANGUAGES. */
+            language?: string;
+            /**
+             * @description Format of the response; overrides `Accept`. Default: an image in the (first) photo's own format. `hocr`, `alto`, `txt` and `markdown` are the text of the page.
+             * @enum {string}
+             */
+            format?: "jpeg" | "png" | "webp" | "tiff" | "pdf" | "json" | "txt" | "hocr" | "alto" | "markdown";
+            /** @description 1-100, for lossy formats; default 90. */
+            quality?: number;
+            /** @description With JSON: include the image as base64 in `image`. */
+            embed?: boolean;
+            /**
+             * @description With JSON: the format of the image in `image`, which is then included (as by embed=true). Default: the photo's own format.
+             * @enum {string}
+             */
+            embed_format?: "jpeg" | "png" | "webp";
+            /** @description Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its proportions. Sizes and meshes in the response are those of the smaller picture. */
+            max_width?: number;
+            /** @description Largest size of the picture in pixels, for previews: it is reduced, never enlarged, and keeps its proportions. Sizes and meshes in the response are those of the smaller picture. */
+            max_height?: number;
+            /**
+             * @description Version of a PDF: 1.7, or a-2b for archives (PDF/A-2b, ISO 19005-2).
+             * @enum {string}
+             */
+            pdf_version?: "1.7" | "a-2b";
+            /** @description Title of a PDF or hOCR file; default: the file name of the (first) photo. */
+            title?: string;
+            /** @description With `Prefer: respond-async`: where the service sends the job's state at its end, signed as Standard Webhooks says. The host must be one of CALLBACK_HOSTS. */
+            callback_url?: string;
+        };
+        /** @description Options of LayoutForm. */
+        LayoutOptions: {
+            /** @description JSON `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "font_size"?, "lines"?, "text"?, "kind"?}]}`, as a field or as a file: zones from another segmenter. With `image`, they are in pixels of the image. */
+            zones?: string | {
+                [key: string]: unknown;
+            };
+            /** @description Rectify the photo first; zones are then in pixels of the flat page. */
+            rectify?: boolean;
+            /**
+             * @description auto: read the page if an OCR engine is installed.
+             * @enum {string}
+             */
+            ocr?: "auto" | "off";
+            /** @description Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. Default: the first of OCR_LANGUAGES. */
+            language?: string;
+            /** @description The models to compare, separated by commas; default: all. */
+            models?: string;
+            /**
+             * @description Format of the response; overrides `Accept`. png: the page with its labelled zones drawn on it. html: the text in elements by its labels, and pictures; one file for all pages. Several pages can also be json, or an archive (application/zip) with one pagexml or alto file per page.
+             * @enum {string}
+             */
+            format?: "json" | "pagexml" | "alto" | "png" | "html";
+            /** @description Keep the picture of the page with the result, for GET /layout/results/{id}/image. Default: by the setting KEEP_IMAGES (false, unless the operator has changed it). */
+            keep_image?: boolean;
+            /** @description Number, from 1, of the only page to recognize. */
+            page?: number;
+            /** @description With JSON: list the terms of the cost, largest first, in `match.explanation`. */
+            explain?: boolean;
+            /** @description Add the words of every zone, each with its box and OCR confidence, to JSON, PAGE-XML and ALTO. */
+            words?: boolean;
+            /** @description With `Prefer: respond-async`: where the service sends the job's state at its end, signed as Standard Webhooks says. The host must be one of CALLBACK_HOSTS. */
+            callback_url?: string;
+        };
     };
     responses: never;
     parameters: never;
@@ -806,5 +979,8 @@ export type ReadWord = components['schemas']['ReadWord'];
 export type Size = components['schemas']['Size'];
 export type Vector = components['schemas']['Vector'];
 export type Warning = components['schemas']['Warning'];
+export type RectifyOptions = components['schemas']['RectifyOptions'];
+export type MosaicOptions = components['schemas']['MosaicOptions'];
+export type LayoutOptions = components['schemas']['LayoutOptions'];
 export type $defs = Record<string, never>;
 export type operations = Record<string, never>;
