@@ -67,7 +67,8 @@ def _favour(model: CompiledModel, graph: LayoutGraph, side: Array) -> Array:
     """D (L, A + C) of every attribute of every node: what it adds to C(h*) - C(h)."""
     nodes = len(model.scales) - len(RELATIONS) - 1
     terms = node_terms(graph, model) * model.scales[:nodes]
-    return np.asarray(np.einsum("nl,nlk->lk", side, terms)[:, :-1])
+    features = len(NUMERIC_ATTRIBUTES) + len(graph.content_names)
+    return np.asarray(np.einsum("nl,nlk->lk", side, terms)[:, :features])
 
 
 def _move_expectations(model: CompiledModel, graph: LayoutGraph, side: Array) -> CompiledModel:

@@ -90,7 +90,7 @@ class ModelBank:
     ) -> _Weights:
         attributes, features = len(NUMERIC_ATTRIBUTES), content.shape[1]
         of_nodes = scales[self._model]
-        of_nodes[:, : attributes + features] *= learned
+        of_nodes[:, : attributes + features] *= learned[:, : attributes + features]
         # The cost of content is linear in the confidence, so one matrix product gives it for all zones.
         weights = of_nodes[:, attributes : attributes + features]
         absent = np.nan_to_num(content_cost(np.zeros(1), content)) * weights
@@ -98,7 +98,7 @@ class ModelBank:
         return _Weights(
             numeric=(of_nodes[:, :attributes] * known).astype(np.float32),
             linear=np.hstack([present - absent, absent]).astype(np.float32),
-            own=(label_costs * of_nodes[:, attributes + features]).astype(np.float32),
+            own=(label_costs * of_nodes[:, learned.shape[1]]).astype(np.float32),
             relations=scales[:, -1 - len(RELATIONS) : -1],
             counts=scales[:, -1],
         )
