@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.layout.graph.edge_attributes import RELATIONS, measure_pairs, pair_zones
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, describe_zones
 from services.layout.graph.section_features import SECTION_FEATURES, measure_sections
-from services.layout.graph.zone_words import Tokens, zone_tokens
+from services.layout.graph.zone_words import NO_TOKENS, PageTokens, page_tokens
 from services.layout.page import Page
 
 MOST_NEIGHBOURS = 40
@@ -31,8 +31,8 @@ class LayoutGraph:
 
     `numeric` (N, A) in the order of `NUMERIC_ATTRIBUTES`, NaN where unknown; `content` (N, C) confidences of the
     features `content_names`, the last ones being `DERIVED_FEATURES`, all but the kinds NaN on a page that was not read;
-    `pairs` (E, 2) of (upper, lower) zones; `relations` (E, R) descriptors in the order of `RELATIONS`; `tokens` of
-    each zone (`zone_words`), empty where they are not known.
+    `pairs` (E, 2) of (upper, lower) zones; `relations` (E, R) descriptors in the order of `RELATIONS`; `tokens` what
+    its zones say (`zone_words`), none where that is not known.
     """
 
     numeric: NDArray[np.float64]
@@ -40,7 +40,7 @@ class LayoutGraph:
     content_names: tuple[str, ...]
     pairs: NDArray[np.intp]
     relations: NDArray[np.intp]
-    tokens: tuple[Tokens, ...] = ()
+    tokens: PageTokens = NO_TOKENS
 
     @property
     def zones(self) -> int:
@@ -87,5 +87,5 @@ def build_graph(
         (*content_names, *DERIVED_FEATURES),
         pairs,
         relations,
-        zone_tokens(page),
+        page_tokens(page),
     )

@@ -7,6 +7,8 @@ in its column, are the keys of its value: TOTAL, Date, Kunde.
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +32,10 @@ _WORD = re.compile(r"[^\W\d_]{2,}")
 _CHUNK = re.compile(r"\S+")
 _KINDS: tuple[tuple[str, re.Pattern[str]], ...] = (
     ("date", re.compile(r"(?<!\d)\d{1,4}([./-])\d{1,2}\1\d{1,4}(?!\d)")),
-    ("named-date", re.compile(r"\d{1,2}\W{0,3}[^\W\d_]{3,9}\W{0,3}\d{2,4}|[^\W\d_]{3,9}\W{0,2}\d{1,2}\W{1,3}\d{4}")),
+    (
+        "named-date",
+        re.compile(r"\d{1,2}\W{0,3}[^\W\d_]{3,9}\W{0,3}\d{2,4}|[^\W\d_]{3,9}\W{0,2}\d{1,2}\W{1,3}\d{4}"),
+    ),
     ("time", re.compile(r"(?<!\d)\d{1,2}:\d{2}(?!\d)")),
     ("amount", re.compile(r"(?<![\d.,])\d{1,3}(?:[.,' ]?\d{3}){0,3}[.,]\d{2}(?!\d)")),
     ("percent", re.compile(r"\d\s?%")),
@@ -46,19 +51,53 @@ _KINDS: tuple[tuple[str, re.Pattern[str]], ...] = (
 
 Tokens = tuple[tuple[str, ...], ...]
 """Of one zone, by aspect: different tokens, in their order."""
+Token = tuple[int, str]
+"""Its aspect, as an index of `WORD_ASPECTS`, and itself."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PageTokens:
+    """The different `tokens` (T) of a page, and which row has which: `rows` and `columns` (M,) of `N * W` rows.
+
+    Row z W + w is of zone z and aspect w.
+    """
+
+    tokens: tuple[Token, ...]
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+
+
+NO_TOKENS = PageTokens((), np.zeros(0, np.intp), np.zeros(0, np.intp))
+"""Of a page that was not read."""
+
+
+def page_tokens(page: Page) -> PageTokens:
+    """Tokens of all zones of a page, none where nothing was read."""
+    place: dict[Token, int] = {}
+    rows, columns = [], []
+    for zone, own in enumerate(zone_tokens(page)):
+        for aspect, texts in enumerate(own):
+            rows += [zone * len(WORD_ASPECTS) + aspect] * len(texts)
+            columns += [place.setdefault((aspect, text), len(place)) for text in texts]
+    return PageTokens(tuple(place), np.array(rows, np.intp), np.array(columns, np.intp))
 
 
 def zone_tokens(page: Page) -> tuple[Tokens, ...]:
-    """Tokens of all zones of a page, none of any aspect where nothing was read."""
+    """Tokens of each zone of a page, none of any aspect where nothing was read."""
     if not any(zone.text.strip() for zone in page.zones):
         return ((),) * len(page.zones)
     left, above = _neighbours(page.zones)
     return tuple(
-        (*_own_tokens(zone.text[:_SEARCHED]), _left_words(page.zones, k, left[k]), _above_words(page.zones, above[k]))
+        (
+            *_own_tokens(zone.text[:_SEARCHED]),
+            _left_words(page.zones, k, left[k]),
+            _above_words(page.zones, above[k]),
+        )
         for k, zone in enumerate(page.zones)
     )
 
 
+@lru_cache(maxsize=4096)  # other groupings of a page have most texts again
 def _own_tokens(text: str) -> Tokens:
     if not text.strip():
         return ((NOTHING,),) * 3
@@ -91,7 +130,9 @@ def _form(chunk: str) -> str:
     """Digits as 0, a run of capitals as A, of small letters as a: "12/01/2018" is "00/00/0000"."""
     form = re.sub(r"\d", "0", chunk)
     form = re.sub(r"0{5,}", "00000", form)
-    kinds = ("A" if each.isupper() else "a" if each.isalpha() else each for each in form if each.isprintable())
+    kinds = (
+        "A" if each.isupper() else "a" if each.isalpha() else each for each in form if each.isprintable()
+    )
     form = "".join(kinds)
     return re.sub(r"(A|a)\1+", r"\1", form)[:LONGEST_TOKEN]
 

@@ -56,7 +56,9 @@ def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures
     It takes nothing where no label of the model lies within larger zones, or where nothing was read.
     """
     within = {
-        node.label for node in model.nodes if node.label is not None and share_within(node.pieces) >= LEAST_SHARE
+        node.label
+        for node in model.nodes
+        if node.label is not None and share_within(node.pieces) >= LEAST_SHARE
     }
     if not within or not any(fine.words):
         return fine
@@ -75,14 +77,22 @@ def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
 
     This is for labels of parts: a column of amounts holds several that look like the total.
     """
-    single = {node.label for node in model.nodes if node.label and share_within(node.pieces) and _is_single(node)}
+    single = {
+        node.label for node in model.nodes if node.label and share_within(node.pieces) and _is_single(node)
+    }
     best: dict[str, RecognizedZone] = {}
     for each in seen.zones:
         if each.label in single:
             assert each.label is not None
             best[each.label] = max(best.get(each.label, each), each, key=_evidence)
     zones = tuple(
-        replace(each, label=None, group=None, confidence=1.0 - each.confidence, others={each.label: each.confidence})
+        replace(
+            each,
+            label=None,
+            group=None,
+            confidence=1.0 - each.confidence,
+            others={each.label: each.confidence},
+        )
         if each.label in best and best[each.label] is not each
         else each
         for each in seen.zones
@@ -154,7 +164,9 @@ def _cuts_of(words: Sequence[Word], em: float) -> list[int]:
 
 def _box_of(words: Sequence[Word], line: np.ndarray) -> np.ndarray:
     """The words' part of their line, as high as the line."""
-    return np.array([min(word.box[0] for word in words), line[1], max(word.box[2] for word in words), line[3]])
+    return np.array(
+        [min(word.box[0] for word in words), line[1], max(word.box[2] for word in words), line[3]]
+    )
 
 
 def _narrowed(line: Line, old: np.ndarray, new: np.ndarray) -> Line:
@@ -178,7 +190,9 @@ def _labels_of_parts(
     tables = build_cost_tables(graph, compiled)
     found = match_directly(tables, NO_PROOF).labels
     costs = conditional_costs(tables, found)
-    is_text = np.array([bool(zone.text.strip()) and bool(own) for zone, own in zip(page.zones, lines, strict=True)])
+    is_text = np.array(
+        [bool(zone.text.strip()) and bool(own) for zone, own in zip(page.zones, lines, strict=True)]
+    )
     labels: list[str | None] = [None] * len(fine.lines)
     for place, label in enumerate(compiled.labels):
         if label not in within or not is_text.any():

@@ -67,7 +67,11 @@ def come_apart(truth: Page, found: Page) -> Page:
     for place, zone in enumerate(found.zones):
         parts = [truth.zones[each] for each in merged.get(place, within.get(place, ()))]
         left = [] if place in merged else _what_is_left(zone, parts)
-        zones += [replace(part, id=f"{zone.id}.{n}") for n, part in enumerate([*parts, *left], 1)] if parts else [zone]
+        zones += (
+            [replace(part, id=f"{zone.id}.{n}") for n, part in enumerate([*parts, *left], 1)]
+            if parts
+            else [zone]
+        )
     return replace(found, zones=tuple(zones)) if merged or within else found
 
 
@@ -100,7 +104,10 @@ def _what_is_left(zone: Zone, parts: Sequence[Zone]) -> list[Zone]:
         return []
     boxes = np.array([word.box for word in words])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    lines = [[word.text for word in words if word.line == row] for row in dict.fromkeys(word.line for word in words)]
+    lines = [
+        [word.text for word in words if word.line == row]
+        for row in dict.fromkeys(word.line for word in words)
+    ]
     return [
         replace(
             zone,

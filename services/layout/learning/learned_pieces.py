@@ -17,7 +17,13 @@ from services.layout.grouping.piece_pairs import (
     pair_features,
     print_size,
 )
-from services.layout.learning.label_transfer import box_areas, merged_zones, shared_areas, transfer_labels, zones_within
+from services.layout.learning.label_transfer import (
+    box_areas,
+    merged_zones,
+    shared_areas,
+    transfer_labels,
+    zones_within,
+)
 from services.layout.model.layout_model import LARGEST, PieceStatistics
 from services.layout.page import Page, Zone
 

@@ -65,8 +65,8 @@ def _node_terms(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.int
             expected, spread = model.values[:, columns][labels], model.variances[:, columns][labels]
             terms[:, :, columns] = cost(values, expected, spread) - cost(values, means, variances)
         terms[:, :, attributes:features] = content_cost(graph.content[:, None, :], model.content[labels])
-        if graph.tokens:
-            words = word_costs(graph.tokens, model.words)
+        if graph.tokens.tokens and model.words.counts:
+            words = word_costs(graph.tokens, graph.zones, model.words)
             terms[:, :, features:-1] = np.take_along_axis(words, labels[:, :, None], axis=1)
         terms[:, :, :-1] *= model.weights[labels]
     terms[:, :, -1] = model.label_costs[labels]

@@ -58,7 +58,7 @@ class LabelStatistics:
         left = [getattr(self, each.name) - getattr(other, each.name) for each in fields(self)[:-1]]
         # Sums of confidences and squares may miss zero by a rounding error.
         sums = (np.where(np.abs(values) < ROUNDING, 0.0, values) for values in left)
-        return LabelStatistics(*sums, self.words - other.words)  # type: ignore[arg-type]
+        return LabelStatistics(*sums, self.words - other.words)  # type: ignore[arg-type, call-arg]
 
 
 def label_indices(labels: Sequence[str | None], known: Sequence[str | None]) -> NDArray[np.intp]:
@@ -93,7 +93,7 @@ def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> Labe
         descriptors=descriptors.reshape(count, count, -1),
         counts=counts,
         pages=np.ones(1),
-        words=count_words(graph.tokens, given if graph.tokens else given[:0], count),
+        words=count_words(graph.tokens, given, count),
     )
 
 

@@ -6,17 +6,16 @@ and does not blind (Norén, Hopstadius, Bate: Shrinkage observed-to-expected rat
 says nothing.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
-from services.layout.graph.zone_words import WORD_ASPECTS, Tokens
+from services.layout.graph.zone_words import WORD_ASPECTS, PageTokens, Token
 
 Sums = NDArray[np.float64]
-Token = tuple[int, str]
-"""Its aspect, as an index of `WORD_ASPECTS`, and itself."""
 
 _SHRINKAGE = 0.25
 """Zones that are added to what is seen and to what is expected. Half a zone finds as much, a whole one less."""
@@ -74,51 +73,44 @@ def no_words(labels: int) -> WordCounts:
     return WordCounts(np.zeros((labels, len(WORD_ASPECTS))))
 
 
-def count_words(tokens: Sequence[Tokens], labels: NDArray[np.intp], count: int) -> WordCounts:
+def count_words(page: PageTokens, labels: NDArray[np.intp], count: int) -> WordCounts:
     """Counts of the zones of a page, whose `labels` (N,) are indices of `count` ones."""
-    counts: dict[Token, Sums] = {}
-    zones = np.zeros((count, len(WORD_ASPECTS)))
-    for own, label in zip(tokens, labels.tolist(), strict=True):
-        for aspect, texts in enumerate(own):
-            zones[label, aspect] += bool(texts)
-            for text in texts:
-                token = (aspect, text)
-                if token not in counts:
-                    counts[token] = np.zeros(count)
-                counts[token][label] += 1.0
-    return WordCounts(zones, counts)
+    aspects = len(WORD_ASPECTS)
+    zone, aspect = np.divmod(np.unique(page.rows), aspects)
+    zones = np.zeros((count, aspects))
+    np.add.at(zones, (labels[zone], aspect), 1.0)
+    seen = np.zeros((len(page.tokens), count))
+    np.add.at(seen, (page.columns, labels[page.rows // aspects]), 1.0)
+    return WordCounts(zones, dict(zip(page.tokens, seen, strict=True)))
 
 
-def word_costs(tokens: Sequence[Tokens], words: WordCounts) -> NDArray[np.float64]:
-    """Costs (N, L, W) of giving zones the labels, by aspect: 0 where no sample has a zone's tokens.
+def word_costs(page: PageTokens, zones: int, words: WordCounts) -> NDArray[np.float64]:
+    """Costs (N, L, W) of giving `zones` zones the labels, by aspect: 0 where no sample has a zone's tokens.
 
     Tokens of a zone say much the same, so that their sum counts as that of a root of their number.
     """
     labels, aspects = words.zones.shape
-    costs = np.zeros((len(tokens), labels, aspects))
-    known = [
-        [[(aspect, text) for text in texts if (aspect, text) in words.counts] for aspect, texts in enumerate(own)]
-        for own in tokens
-    ]
-    different = list(dict.fromkeys(token for own in known for each in own for token in each))
-    if not different:
-        return costs
-    seen = np.stack([words.counts[token] for token in different])
-    aspect_of = np.array([aspect for aspect, _ in different])
-    zones = words.zones.T[aspect_of]
-    expected = seen.sum(axis=1, keepdims=True) * zones / zones.sum(axis=1, keepdims=True)
+    known = [place for place, token in enumerate(page.tokens) if token in words.counts]
+    if not known:
+        return np.zeros((zones, labels, aspects))
+    seen = np.stack([words.counts[page.tokens[place]] for place in known])
+    having = words.zones.T[[page.tokens[place][0] for place in known]]
+    expected = seen.sum(axis=1, keepdims=True) * having / having.sum(axis=1, keepdims=True)
     evidence = np.log((seen + _SHRINKAGE) / (expected + _SHRINKAGE))
-    place = {token: row for row, token in enumerate(different)}
-    for zone, own in enumerate(known):
-        for aspect, each in enumerate(own):
-            if each:
-                rows = [place[token] for token in each]
-                costs[zone, :, aspect] = -evidence[rows].sum(axis=0) / np.sqrt(len(rows))
-    return costs
+    column = np.full(len(page.tokens), -1)
+    column[known] = np.arange(len(known))
+    kept = column[page.columns] >= 0
+    rows, columns = page.rows[kept], column[page.columns[kept]]
+    has = csr_array((np.ones(len(rows)), (rows, columns)), shape=(zones * aspects, len(known)))
+    number = np.bincount(rows, minlength=zones * aspects)
+    costs = -(has @ evidence) / np.sqrt(np.maximum(number, 1))[:, None]
+    return np.asarray(costs.reshape(zones, aspects, labels).transpose(0, 2, 1))
 
 
 def dearest_tokens(words: WordCounts, most: int) -> Iterable[Token]:
     """At most `most` tokens that are worth keeping: of labels before those of null alone, the frequent ones first."""
     labelled = {token: float(own[1:].sum()) for token, own in words.counts.items()}
-    order = sorted(words.counts, key=lambda token: (-labelled[token], -float(words.counts[token].sum()), token))
+    order = sorted(
+        words.counts, key=lambda token: (-labelled[token], -float(words.counts[token].sum()), token)
+    )
     return order[:most]
