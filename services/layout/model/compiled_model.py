@@ -19,7 +19,7 @@ CONTENT_SCALE = 0.6
 KIND_SCALE = 2.0
 LABEL_SCALE = 0.4
 COUNT_SCALE = 0.4
-WORD_SCALE = 0.4
+WORD_SCALE = 0.2
 """Default weights without enough samples: of a content feature, of a kind of zone as a feature, of a label's own cost,
 of its count, of an aspect of a zone's words."""
 

@@ -93,7 +93,7 @@ def word_costs(page: PageTokens, zones: int, words: WordCounts) -> NDArray[np.fl
     known = [place for place, token in enumerate(page.tokens) if token in words.counts]
     if not known:
         return np.zeros((zones, labels, aspects))
-    seen = np.stack([words.counts[page.tokens[place]] for place in known])
+    seen = np.concatenate([words.counts[page.tokens[place]] for place in known]).reshape(-1, labels)
     having = words.zones.T[[page.tokens[place][0] for place in known]]
     expected = seen.sum(axis=1, keepdims=True) * having / having.sum(axis=1, keepdims=True)
     evidence = np.log((seen + _SHRINKAGE) / (expected + _SHRINKAGE))
