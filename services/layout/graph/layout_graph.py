@@ -59,11 +59,15 @@ class LayoutGraph:
 
 
 def build_graph(
-    page: Page, content_names: Sequence[str], most_neighbours: int = MOST_NEIGHBOURS
+    page: Page,
+    content_names: Sequence[str],
+    most_neighbours: int = MOST_NEIGHBOURS,
+    printed: Page | None = None,
 ) -> LayoutGraph:
     """Layout graph of `page`, whose zones already carry their content features.
 
-    On a page of more than twice `most_neighbours` zones only the nearest are joined.
+    On a page of more than twice `most_neighbours` zones only the nearest are joined. `printed` is the page with all of
+    its print, where its zones are those that a person drew (`zone_words.page_tokens`).
     """
     measures = describe_zones(page)
     with np.errstate(all="ignore"):
@@ -87,5 +91,5 @@ def build_graph(
         (*content_names, *DERIVED_FEATURES),
         pairs,
         relations,
-        page_tokens(page),
+        page_tokens(page, printed),
     )

@@ -6,14 +6,15 @@ in its column, are the keys of its value: TOTAL, Date, Kunde.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.page import Page, Zone
+from services.layout.page import Box, Page
 
 WORD_ASPECTS = ("own-words", "own-letters", "own-forms", "words-left", "words-above")
 """What tokens are of: the zone's words, their letters, the forms of its values, the words of both neighbours."""
@@ -26,7 +27,11 @@ LONGEST_TOKEN = 16
 _SEARCHED = 600
 """Characters of a zone that are read for tokens."""
 _SAME_ROW = 0.5
-"""Common height of two zones of one row, as a share of the lower one's."""
+"""Common height of what stands in one row, as a share of the lower one's."""
+_SLACK = 0.3
+"""How far what stands beside a zone may reach into it, in heights of the zone."""
+_SAME_KEY = 3.0
+"""Widest space within a key, in heights of the zone."""
 
 _WORD = re.compile(r"[^\W\d_]{2,}")
 _CHUNK = re.compile(r"\S+")
@@ -71,29 +76,28 @@ NO_TOKENS = PageTokens((), np.zeros(0, np.intp), np.zeros(0, np.intp))
 """Of a page that was not read."""
 
 
-def page_tokens(page: Page) -> PageTokens:
-    """Tokens of all zones of a page, none where nothing was read."""
+def page_tokens(page: Page, printed: Page | None = None) -> PageTokens:
+    """Tokens of all zones of a page, none where nothing was read.
+
+    `printed` is the same page with all of its print, where the zones of `page` are only some of it; None: `page`.
+    """
     place: dict[Token, int] = {}
     rows, columns = [], []
-    for zone, own in enumerate(zone_tokens(page)):
+    for zone, own in enumerate(zone_tokens(page, printed)):
         for aspect, texts in enumerate(own):
             rows += [zone * len(WORD_ASPECTS) + aspect] * len(texts)
             columns += [place.setdefault((aspect, text), len(place)) for text in texts]
     return PageTokens(tuple(place), np.array(rows, np.intp), np.array(columns, np.intp))
 
 
-def zone_tokens(page: Page) -> tuple[Tokens, ...]:
-    """Tokens of each zone of a page, none of any aspect where nothing was read."""
+def zone_tokens(page: Page, printed: Page | None = None) -> tuple[Tokens, ...]:
+    """Tokens of each zone of a page, none of any aspect where nothing was read; see `page_tokens`."""
     if not any(zone.text.strip() for zone in page.zones):
         return ((),) * len(page.zones)
-    left, above = _neighbours(page.zones)
+    print_ = _Print.of(page if printed is None else printed)
     return tuple(
-        (
-            *_own_tokens(zone.text[:_SEARCHED]),
-            _left_words(page.zones, k, left[k]),
-            _above_words(page.zones, above[k]),
-        )
-        for k, zone in enumerate(page.zones)
+        (*_own_tokens(zone.text[:_SEARCHED]), print_.left_of(zone.box), print_.above(zone.box))
+        for zone in page.zones
     )
 
 
@@ -138,42 +142,53 @@ def _form(chunk: str) -> str:
 
 
 def _first(tokens: Sequence[str] | Iterator[str]) -> tuple[str, ...]:
-    return tuple(list(dict.fromkeys(tokens))[:MOST_TOKENS])
+    return tuple(islice((token for token in dict.fromkeys(tokens) if token), MOST_TOKENS))
 
 
-def _neighbours(zones: Sequence[Zone]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The nearest zone with a text left of each in its row, and above each in its column; -1 where there is none."""
-    boxes = np.array([zone.box for zone in zones], dtype=np.float64)
-    has_text = np.array([bool(zone.text.strip()) for zone in zones])
-    x0, y0, x1, y1 = boxes.T
-    heights, widths = y1 - y0, x1 - x0
-    common = np.minimum(y1[:, None], y1) - np.maximum(y0[:, None], y0)
-    beside = (common >= _SAME_ROW * np.minimum(heights[:, None], heights)) & has_text
-    away = x0[:, None] - x1
-    away = np.where(beside & (x0 < x0[:, None]) & (away > -0.5 * widths[:, None]), away, np.inf)
-    over = (np.minimum(x1[:, None], x1) - np.maximum(x0[:, None], x0) > 0) & has_text
-    up = y0[:, None] - y1
-    up = np.where(over & (y0 < y0[:, None]) & (up > -0.5 * heights[:, None]), up, np.inf)
-    return tuple(np.where(np.isfinite(each.min(axis=1)), each.argmin(axis=1), -1) for each in (away, up))  # type: ignore[return-value]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Print:
+    """What is printed on a page: `boxes` (P, 4) of words, or of zones whose words are not known, and their `texts`."""
 
+    texts: tuple[str, ...]
+    boxes: NDArray[np.float64]
 
-def _left_words(zones: Sequence[Zone], own: int, left: int) -> tuple[str, ...]:
-    """Words of the left neighbour that stand in the rows of the zone."""
-    if left < 0:
-        return (NOTHING,)
-    top, bottom = zones[own].box[1], zones[own].box[3]
-    return _of_neighbour(zones[left], lambda y: top <= y <= bottom)
+    @classmethod
+    def of(cls, page: Page) -> "_Print":
+        texts: list[str] = []
+        boxes: list[Box] = []
+        for zone in page.zones:
+            if zone.words:
+                texts += [word.text for word in zone.words]
+                boxes += [word.box for word in zone.words]
+            elif zone.text.strip():
+                texts.append(zone.text[:_SEARCHED])
+                boxes.append(zone.box)
+        return cls(tuple(texts), np.array(boxes, dtype=np.float64).reshape(-1, 4))
 
+    def left_of(self, box: Box) -> tuple[str, ...]:
+        """Words in the row of a box and left of it, up to the next value: its key, if it has one there."""
+        x0, y0, x1, y1 = self.boxes.T
+        height = box[3] - box[1]
+        common = np.minimum(y1, box[3]) - np.maximum(y0, box[1])
+        in_row = (common >= _SAME_ROW * np.minimum(y1 - y0, height)) & (x1 <= box[0] + _SLACK * height)
+        words: list[str] = []
+        edge = box[0]
+        for place in np.flatnonzero(in_row)[np.argsort(-x0[in_row], kind="stable")].tolist():
+            found = _words(self.texts[place])
+            if words and (not found or edge - x1[place] > _SAME_KEY * height):
+                break
+            words = [*found, *words]
+            edge = x0[place]
+        return _first([*words, f"{words[-1]}$"]) if words else (NOTHING,)
 
-def _above_words(zones: Sequence[Zone], above: int) -> tuple[str, ...]:
-    """Words of the last line of the neighbour above."""
-    if above < 0:
-        return (NOTHING,)
-    zone = zones[above]
-    return _first(_words(zone.text[-_SEARCHED:].rstrip().rpartition("\n")[2]))
-
-
-def _of_neighbour(zone: Zone, is_beside: Callable[[float], bool]) -> tuple[str, ...]:
-    words = [word.text for word in zone.words if is_beside((word.box[1] + word.box[3]) / 2)]
-    found = _words(" ".join(words) if words else zone.text[:_SEARCHED])
-    return _first([*found, *([f"{found[-1]}$"] if found else [])])
+    def above(self, box: Box) -> tuple[str, ...]:
+        """Words of the nearest row above a box in its column."""
+        x0, _, x1, y1 = self.boxes.T
+        slack = _SLACK * (box[3] - box[1])
+        over = (np.minimum(x1, box[2]) - np.maximum(x0, box[0]) > 0) & (y1 <= box[1] + slack)
+        if not over.any():
+            return (NOTHING,)
+        nearest = y1[over].max()
+        row = np.flatnonzero(over & (y1 >= nearest - slack))
+        texts = (self.texts[place].rstrip().rpartition("\n")[2] for place in row[np.argsort(x0[row])])
+        return _first(_words(" ".join(texts)))

@@ -6,7 +6,6 @@ is left of that stays together. So a grouping by print and one by words are matc
 samples say so.
 """
 
-import re
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
@@ -15,6 +14,7 @@ import numpy as np
 
 from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import build_graph
+from services.layout.grouping.line_cuts import places_of_cuts
 from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
@@ -24,13 +24,6 @@ from services.layout.segmentation import FinePage, Line, compose_with_lines
 from services.layout.segmentation.measures import SAME_ROW
 from services.ocr.engine import Word
 
-_WIDE = 1.2
-"""Space between two words, in em, that parts columns: words of a line are a third of an em apart."""
-_KEY_END = re.compile(r"[:=]$|^[:=]+$")
-_VALUE = re.compile(
-    r"\d{1,4}([./-])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}(?::\d{2})?(?:[AaPp][Mm])?|\(?-?\W?\d[\d.,']*[.,]\d{2}\)?"
-)
-"""A word that is a date, a time or an amount: a value of its own."""
 MOST_PARTS = 200
 """Of a page; pairs grow with their square. A page with more lines is no form."""
 LEAST_SHARE = 0.1
@@ -127,7 +120,7 @@ def cut_lines(fine: FinePage) -> CutLines:
     parts: list[tuple[int, ...]] = []
     for index, line in enumerate(fine.lines):
         own = fine.words[index]
-        cuts = _cuts_of(own, line.em * fine.scale)
+        cuts = places_of_cuts(own, line.em * fine.scale)
         begin = len(lines)
         for a, b in pairwise([0, *cuts, len(own)]) if cuts else [(0, len(own))]:
             box = _box_of(own[a:b], fine.boxes[index]) if cuts else fine.boxes[index]
@@ -147,19 +140,6 @@ def cut_lines(fine: FinePage) -> CutLines:
         blocks=tuple((part,) for block in blocks for part in block),
     )
     return CutLines(finer, blocks)
-
-
-def _cuts_of(words: Sequence[Word], em: float) -> list[int]:
-    """Places of words before which a line is cut."""
-    values = [bool(_VALUE.fullmatch(word.text.strip(".,;*"))) for word in words]
-    return [
-        at
-        for at in range(1, len(words))
-        if words[at].box[0] - words[at - 1].box[2] > _WIDE * em
-        or values[at] != values[at - 1]
-        or (values[at] and values[at - 1])
-        or (_KEY_END.search(words[at - 1].text) and not _KEY_END.search(words[at].text))
-    ]
 
 
 def _box_of(words: Sequence[Word], line: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.grouping.line_cuts import places_of_cuts
 from services.layout.page import Page, Zone, ZoneWord
 
 WITHIN = 0.8
@@ -78,47 +79,54 @@ def come_apart(truth: Page, found: Page) -> Page:
 def zones_within(truth: Page, found: Page) -> dict[int, list[int]]:
     """Places of found zones that hold zones of `truth` with a label as parts of themselves, and those of these.
 
-    A part lies in the found zone for the most part, and is not most of it.
+    A part lies in the found zone for the most part, and is not most of it; no other zone with a label is. What a zone
+    holds is known by its words.
     """
     if not truth.zones or not found.zones:
         return {}
     shared = shared_areas(found.zones, truth.zones)
     inside = shared >= WITHIN * box_areas(truth.zones)
     is_part = inside & (shared < MOST_OF_ZONE * box_areas(found.zones)[:, None])
-    is_part &= np.array([zone.label is not None for zone in truth.zones])
-    is_part &= np.array([zone.kind == "text" for zone in found.zones])[:, None]
+    is_labelled = np.array([zone.label is not None for zone in truth.zones])
+    is_whole = (shared >= MOST_OF_ZONE * box_areas(found.zones)[:, None]) & is_labelled
+    is_part &= is_labelled & ~is_whole.any(axis=1)[:, None]
+    is_part &= np.array([zone.kind == "text" and bool(zone.words) for zone in found.zones])[:, None]
     return {
         int(place): np.flatnonzero(is_part[place]).tolist() for place in np.flatnonzero(is_part.any(axis=1))
     }
 
 
 def _what_is_left(zone: Zone, parts: Sequence[Zone]) -> list[Zone]:
-    """The zone without its parts, if it has words outside them; it has no label."""
+    """The zone without its parts: parts of its lines, as recognition cuts them; none has a label."""
 
     def is_inside(word: ZoneWord) -> bool:
         x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
         return any(p.box[0] <= x <= p.box[2] and p.box[1] <= y <= p.box[3] for p in parts)
 
-    words = [word for word in zone.words if not is_inside(word)]
-    if not words:
-        return []
+    left = []
+    for row in dict.fromkeys(word.line for word in zone.words):
+        own = [word for word in zone.words if word.line == row]
+        em = zone.font_size or max(word.box[3] - word.box[1] for word in own)
+        cuts = [0, *places_of_cuts(own, em), len(own)]
+        for begin, end in pairwise(cuts):
+            words = [word for word in own[begin:end] if not is_inside(word)]
+            if words:
+                left.append(_part_of(zone, words))
+    return left
+
+
+def _part_of(zone: Zone, words: Sequence[ZoneWord]) -> Zone:
     boxes = np.array([word.box for word in words])
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    lines = [
-        [word.text for word in words if word.line == row]
-        for row in dict.fromkeys(word.line for word in words)
-    ]
-    return [
-        replace(
-            zone,
-            box=(float(x0), float(y0), float(x1), float(y1)),
-            lines=len(lines),
-            text="\n".join(map(" ".join, lines)),
-            words=tuple(words),
-            content={},
-            label=None,
-        )
-    ]
+    return replace(
+        zone,
+        box=(float(x0), float(y0), float(x1), float(y1)),
+        lines=1,
+        text=" ".join(word.text for word in words),
+        words=tuple(replace(word, line=0) for word in words),
+        content={},
+        label=None,
+    )
 
 
 def shared_areas(zones: Sequence[Zone], others: Sequence[Zone]) -> NDArray[np.float64]:

@@ -45,17 +45,17 @@ _RELATION_OF_DESCRIPTOR = np.repeat(np.arange(len(RELATIONS)), np.diff(RELATION_
 
 
 def node_terms(graph: LayoutGraph, model: CompiledModel) -> NDArray[np.float64]:
-    """Costs (N, L, A + C + 1) of giving zone z label l, attribute by attribute, not yet weighted by scales.
+    """Costs (N, L, A + C + W + 1) of giving zone z label l, attribute by attribute, not yet weighted by scales.
 
     Each is relative to a zone of any page, so that 0 means that the attribute says nothing for or against the
-    label: numeric attributes, content features, and the label's own cost. What is unknown of the zone or in the
-    model costs 0.
+    label: numeric attributes, content features, aspects of words, and the label's own cost. What is unknown of the
+    zone or in the model costs 0.
     """
     return _node_terms(graph, model, np.arange(len(model.labels))[None])
 
 
 def _node_terms(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Terms (N, K, A + C + 1) of `labels` (N, K), or of (1, K) for all zones; see `node_terms`."""
+    """Terms (N, K, A + C + W + 1) of `labels` (N, K), or of (1, K) for all zones; see `node_terms`."""
     attributes = len(NUMERIC_ATTRIBUTES)
     features = attributes + len(graph.content_names)
     terms = np.zeros((graph.zones, labels.shape[1], model.weights.shape[1] + 1))
@@ -156,7 +156,7 @@ def explain_cost(
 def weighted_node_terms(
     graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Terms (N, A + C + 1) of the nodes of one labelling (N,), weighted by `scales`."""
+    """Terms (N, A + C + W + 1) of the nodes of one labelling (N,), weighted by `scales`."""
     nodes = len(scales) - len(RELATIONS) - 1
     return np.asarray(_node_terms(graph, model, labels[:, None])[:, 0] * scales[:nodes])
 
@@ -164,7 +164,7 @@ def weighted_node_terms(
 def _chosen_terms(
     graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weighted terms of a labelling: of its nodes (N, A + C + 1), and of its edges (E, R)."""
+    """Weighted terms of a labelling: of its nodes (N, A + C + W + 1), and of its edges (E, R)."""
     node = weighted_node_terms(graph, model, labels, scales)
     nodes = len(scales) - len(RELATIONS) - 1
     upper, lower = labels[graph.pairs.T]

@@ -26,7 +26,8 @@ class UnaryScores:
     """Costs of a page under M models, each zone having the label of least unary cost (pairs do not choose labels).
 
     `costs` (M,) by each model's own weights, `comparable` (M,) by the usual ones. Both are those of a labelling that
-    matching may start from, pairs and counts included, and thus upper bounds of the least costs.
+    matching may start from, pairs and counts included, and thus upper bounds of the least costs, but for words: they
+    tell labels of one class apart, and have no part in the ranking of classes.
     """
 
     costs: NDArray[np.float64]
