@@ -21,7 +21,7 @@ from services.sheet.curved_page import (
 )
 from services.sheet.developable.fitting import FittedSurface, fit_surface
 from services.sheet.developable.observations import NO_LINES, PageObservations
-from services.sheet.developable.residuals import FittingParameters
+from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.evidence import PageEvidence
 
 # Size of the fit, and when it is believed.
