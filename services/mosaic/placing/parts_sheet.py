@@ -26,6 +26,8 @@ from services.sheet.developable.shared_sheet import (
     SharedPoints,
     SharedSheet,
     fit_shared_sheet,
+    hold_camera,
+    unit_of,
 )
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.framing import CurvedFrame
@@ -86,8 +88,8 @@ def start_sheet(
     c, d = np.cos(surface.skew_rad), np.sin(surface.skew_rad)
     skew = np.array([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]])
     camera = OtherCamera(surface.rotation @ skew.T, np.array([*surface.anchor, surface.focal]), surface.focal)
-    sheet = SharedSheet(surface.skew_rad, surface.slopes, shape.fitted.slant_rad, bends, basis, (camera,))
-    whole = sheet.surface(0)
+    sheet = SharedSheet(surface.skew_rad, surface.slopes, shape.fitted.slant_rad, bends, basis, ())
+    whole = sheet.surface(camera)
     cameras = []
     for index, photo in photos.items():
         sc = whole.to_sheet(pages[index])
@@ -96,8 +98,9 @@ def start_sheet(
         found = resect_camera(X, seen[index], photo.page.focal_prior)
         if found is None:
             return None
-        cameras.append(found)
-    return replace(sheet, cameras=tuple(cameras))
+        middle = np.median(pages[index], axis=0)
+        cameras.append(hold_camera(sheet, found, (float(middle[0]), float(middle[1]))))
+    return replace(sheet, held=tuple(cameras))
 
 
 def _page_of(photo: FlatPhoto, placement: Placement, H_page_mosaic: Floats, points: Points) -> Points:
@@ -165,7 +168,8 @@ def share_points(
             ends = [end[~held_out[number]] for end in ends]
         size = []
         for k, i, end in ((a, pair.a, ends[0]), (b, pair.b, ends[1])):
-            J = sheet.surface(k).jacobians(end) * sheet.unit(k)
+            camera = sheet.cameras[k]
+            J = sheet.surface(camera).jacobians(end) * unit_of(camera)
             size.append(np.median(np.sqrt(np.abs(np.linalg.det(J)))) / photos[i].page.view.unit_px)
         found.append(SharedPoints(a, b, *ends, MATCH_PX * float(np.hypot(*size)) / np.sqrt(2)))
     return found

@@ -25,15 +25,48 @@ from services.sheet.developable.residuals import (
     USUAL_SKEW_RAD,
 )
 from services.sheet.developable.surface import BendBasis, DevelopableSurface
-from services.sheet.developable.variation import GLOBAL, SKEW, SLOPES, TURN, vary_page
+from services.sheet.developable.variation import GLOBAL, SKEW, SLOPES, vary_page
 from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherCamera
 
 OF_SKEW, OF_SLOPES, OF_SLANT, OF_BENDS = 0, slice(1, 3), 3, 4
 """Places among the unknowns of the shape; those of the cameras follow it."""
+PROBE = 1e-5
+"""Step of a difference."""
 MOST_STEPS = 60
-LEAST_GAIN = 1e-5
-"""Relative gain of the cost below which the fit ends."""
+SCHEDULE = ((30.0, 1e-2), (5.0, 1e-2), (1.0, 1e-4))
+"""Factors on the deviations of shared points, one fit after the other, and the gain of the cost at which each ends."""
 MOST_DAMPING = 1e6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldCamera:
+    """A camera by what it sees of the page point `held` (u, v), which lies in its photo.
+
+    `rotation` (3, 3) has the text's axes and the sheet's normal there as columns, in the camera's frame; the point is
+    seen at `anchor`, at a depth of `unit` times the focal length. So a change of the sheet's shape far from the photo
+    changes nothing in it, and one of the focal length nothing at this point.
+    """
+
+    held: tuple[float, float]
+    rotation: Floats
+    anchor: Vector
+    unit: float
+    focal: float
+
+    @property
+    def place(self) -> Vector:
+        """The held point in the camera's frame."""
+        return self.unit * np.append(self.anchor, self.focal)
+
+    def moved(self, change: Vector) -> "HeldCamera":
+        """The camera after a `change` (7,): turn, anchor, logarithms of unit and focal length."""
+        return replace(
+            self,
+            rotation=rotation_from_vector(change[:3]) @ self.rotation,
+            anchor=self.anchor + change[3:5],
+            unit=self.unit * float(np.exp(change[5])),
+            focal=self.focal * float(np.exp(change[6])),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,25 +81,38 @@ class SharedSheet:
     slant_rad: float
     bends: Vector
     basis: BendBasis
-    cameras: tuple[OtherCamera, ...]
+    held: tuple[HeldCamera, ...]
 
-    def unit(self, number: int) -> float:
-        """What a page unit of `surface` is in the sheet's units."""
-        camera = self.cameras[number]
-        return float(camera.translation[2] / camera.focal)
+    def frame_at(self, page: tuple[float, float]) -> tuple[Floats, Vector]:
+        """The text's axes and the normal (3, 3) at a page point, as columns, and the point in space (3,)."""
+        return _frames(self._alone(), np.array([page]))[0]
 
-    def surface(self, number: int) -> DevelopableSurface:
-        """The sheet as camera `number` sees it, in the page units of this camera."""
-        camera, unit = self.cameras[number], self.unit(number)
-        c, s = np.cos(self.skew_rad), np.sin(self.skew_rad)
-        unskew = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    def _alone(self) -> DevelopableSurface:
+        """The sheet in its own frame, one unit before it: its origin is at (0, 0, 1)."""
+        return DevelopableSurface(
+            _unskew(self.skew_rad), 1.0, (0.0, 0.0), self.skew_rad, self.slopes, self.bends, self.basis
+        )
+
+    @property
+    def cameras(self) -> tuple[OtherCamera, ...]:
+        """The cameras, in the sheet's frame."""
+        frames = _frames(self._alone(), np.array([camera.held for camera in self.held]))
+        found = []
+        for camera, (axes, X) in zip(self.held, frames, strict=True):
+            rotation = camera.rotation @ axes.T
+            found.append(OtherCamera(rotation, camera.place - rotation @ X, camera.focal))
+        return tuple(found)
+
+    def surface(self, camera: OtherCamera) -> DevelopableSurface:
+        """The sheet as a `camera` sees it, in page units of its own; see `unit_of`."""
+        unit = unit_of(camera)
         x, y = camera.translation[:2] / unit
         basis = replace(
             self.basis, nodes=self.basis.nodes / unit, low=self.basis.low / unit, high=self.basis.high / unit
         )
         linear, quadratic = self.slopes
         return DevelopableSurface(
-            camera.rotation @ unskew,
+            camera.rotation @ _unskew(self.skew_rad),
             camera.focal,
             (float(x), float(y)),
             self.skew_rad,
@@ -76,13 +122,10 @@ class SharedSheet:
         )
 
     def moved(self, step: Vector) -> "SharedSheet":
-        """The sheet after a `step` of all unknowns; a camera turns about the sheet's origin."""
+        """The sheet after a `step` of all unknowns."""
         shape, cameras = np.split(step, [OF_BENDS + len(self.bends)])
-        moved = []
-        for camera, change in zip(self.cameras, cameras.reshape(-1, CAMERA_UNKNOWNS), strict=True):
-            turn = rotation_from_vector(change[:3])
-            focal = camera.focal * float(np.exp(change[6]))
-            moved.append(OtherCamera(turn @ camera.rotation, camera.translation + change[3:6], focal))
+        changes = cameras.reshape(-1, CAMERA_UNKNOWNS)
+        held = tuple(camera.moved(change) for camera, change in zip(self.held, changes, strict=True))
         linear, quadratic = np.array(self.slopes) + shape[OF_SLOPES]
         return replace(
             self,
@@ -90,8 +133,57 @@ class SharedSheet:
             slopes=(float(linear), float(quadratic)),
             slant_rad=self.slant_rad + float(shape[OF_SLANT]),
             bends=self.bends + shape[OF_BENDS:],
-            cameras=tuple(moved),
+            held=held,
         )
+
+    def motions(self) -> Floats:
+        """How each held point's frame moves with the shape: turn and shift (cameras, shape, 6), by differences."""
+        points = np.array([camera.held for camera in self.held])
+        here, count = _frames(self._alone(), points), OF_BENDS + len(self.bends)
+        found = np.zeros((len(here), count, 6))
+        rest = np.zeros(CAMERA_UNKNOWNS * len(self.held))
+        for j in range(count):
+            step = np.zeros(count)
+            step[j] = PROBE
+            there = _frames(self.moved(np.append(step, rest))._alone(), points)
+            for k, ((F, X), (G, Y)) in enumerate(zip(here, there, strict=True)):
+                turn = G @ F.T - F @ G.T
+                found[k, j, :3] = np.array([turn[2, 1], turn[0, 2], turn[1, 0]]) / (2 * PROBE)
+                found[k, j, 3:] = (Y - X) / PROBE
+        return found
+
+
+def hold_camera(sheet: SharedSheet, camera: OtherCamera, held: tuple[float, float]) -> HeldCamera:
+    """The `camera`, in the sheet's frame, by the page point `held`."""
+    axes, X = sheet.frame_at(held)
+    place = camera.rotation @ X + camera.translation
+    unit = float(place[2] / camera.focal)
+    return HeldCamera(held, camera.rotation @ axes, place[:2] / unit, unit, camera.focal)
+
+
+def unit_of(camera: OtherCamera) -> float:
+    """What a page unit of the surface that a camera sees is in the sheet's units."""
+    return float(camera.translation[2] / camera.focal)
+
+
+def _unskew(skew_rad: float) -> Floats:
+    c, s = np.cos(skew_rad), np.sin(skew_rad)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _frames(alone: DevelopableSurface, page: Points) -> list[tuple[Floats, Vector]]:
+    """The text's axes and the normal, as columns, and the point in space, at page points (N, 2)."""
+    sheet = alone.to_sheet(page)
+    P, R = alone.line_at(sheet[:, 0])
+    X = P + sheet[:, 1:] * R - [0.0, 0.0, 1.0]
+    N = alone.normals_at(sheet[:, 0])
+    # The a-axis is what is left of R's perpendicular in the tangent plane: R = w A + B.
+    w = alone.slope(sheet[:, 0])[:, None]
+    A = (w * R + np.cross(R, N)) / (1 + w * w)
+    A -= np.einsum("ij,ij->i", A, N)[:, None] * N
+    A /= np.linalg.norm(A, axis=1, keepdims=True)
+    axes = np.stack([A, np.cross(N, A), N], axis=2) @ _unskew(alone.skew_rad).T
+    return list(zip(axes, X, strict=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,16 +219,33 @@ def fit_shared_sheet(
 ) -> FittedSheet:
     """The sheet near `start` that explains the print of all `parts`, and the points that they share.
 
-    Levenberg's and Marquardt's method on squares under robust losses. That the sheet's origin and unit are free is no
-    harm: damping keeps them.
+    Squares under robust losses. Those of shared points are wide at first, since the start has them pixels apart.
     """
-    residuals = _SheetResiduals(start, parts, shared)
-    sheet, (cost, A, g) = start, residuals.normal_equations(start)
+    sheet, count = start, 0
+    for slack, gain in SCHEDULE:
+        eased = [replace(pair, deviation=slack * pair.deviation) for pair in shared]
+        sheet, cost, used = _minimize(sheet, _SheetResiduals(sheet, parts, eased), gain)
+        count += used
+    return FittedSheet(sheet, cost, count)
+
+
+def _minimize(
+    sheet: SharedSheet, residuals: "_SheetResiduals", gain: float
+) -> tuple[SharedSheet, float, int]:
+    """The sheet of least cost near the start, that cost, and the evaluations it took: Levenberg's and Marquardt's method.
+
+    The sheet's origin and unit are held by the first camera's anchor and unit: else the priors of the bends would let
+    the unit grow.
+    """
+    cost, A, g = residuals.normal_equations(sheet)
+    first = residuals.shape
+    free = np.delete(np.arange(residuals.unknowns), [first + 3, first + 4, first + 5])
     damping, growth, count = 1e-3, 4.0, 1
     while count < MOST_STEPS and damping < MOST_DAMPING:
-        diagonal = np.diag(A)
-        held = A + np.diag(damping * diagonal + 1e-10 * diagonal.max())
-        step = np.linalg.solve(held, -g)
+        diagonal = np.diag(A)[free]
+        held = A[np.ix_(free, free)] + np.diag(damping * diagonal + 1e-12 * diagonal.max())
+        step = np.zeros(residuals.unknowns)
+        step[free] = np.linalg.solve(held, -g[free])
         moved = sheet.moved(step)
         count += 1
         new_cost, new_A, new_g = residuals.normal_equations(moved)
@@ -144,11 +253,11 @@ def fit_shared_sheet(
             gained = (cost - new_cost) / max(cost, 1e-12)
             sheet, cost, A, g = moved, new_cost, new_A, new_g
             damping, growth = max(damping / 5, 1e-9), 4.0
-            if gained < LEAST_GAIN:
+            if gained < gain:
                 break
         else:
             damping, growth = damping * growth, 2 * growth
-    return FittedSheet(sheet, cost, count)
+    return sheet, cost, count
 
 
 class _SheetResiduals:
@@ -159,8 +268,8 @@ class _SheetResiduals:
     ) -> None:
         self.parts, self.shared = parts, shared
         self.prints = [
-            PrintResiduals(part.observed, start.surface(k), part.parameters, start.unit(k))
-            for k, part in enumerate(parts)
+            PrintResiduals(part.observed, start.surface(camera), part.parameters, unit_of(camera))
+            for part, camera in zip(parts, start.cameras, strict=True)
         ]
         self.shape = OF_BENDS + len(start.bends)
         self.unknowns = self.shape + CAMERA_UNKNOWNS * len(parts)
@@ -179,7 +288,8 @@ class _SheetResiduals:
     def normal_equations(self, sheet: SharedSheet) -> tuple[float, Floats, Vector]:
         """Half the sum of squares, their Gauss-Newton matrix, and half their gradient."""
         A, g, cost = np.zeros((self.unknowns, self.unknowns)), np.zeros(self.unknowns), 0.0
-        pages = [self._page(sheet, k) for k in range(len(self.parts))]
+        seen = zip(sheet.cameras, sheet.motions(), strict=True)
+        pages = [self._page(sheet, k, *camera) for k, camera in enumerate(seen)]
 
         def add(residual: Residual, columns: Vector) -> None:
             nonlocal cost
@@ -212,26 +322,33 @@ class _SheetResiduals:
         first = self.shape + CAMERA_UNKNOWNS * k
         return np.concatenate([np.arange(self.shape), np.arange(first, first + CAMERA_UNKNOWNS)])
 
-    def _page(self, sheet: SharedSheet, k: int) -> tuple[Points, Floats]:
+    def _page(
+        self, sheet: SharedSheet, k: int, camera: OtherCamera, motions: Floats
+    ) -> tuple[Points, Floats]:
         """Page points (N, 2), in the sheet's units, of photo `k`, with derivatives by the shape and its camera."""
-        surface, unit, camera = sheet.surface(k), sheet.unit(k), sheet.cameras[k]
+        surface, unit, held = sheet.surface(camera), unit_of(camera), sheet.held[k]
         at = surface.unroll(self.points[k])
         own = vary_page(surface, at) * unit
-        dq = np.zeros((len(at.page), 2, self.shape + CAMERA_UNKNOWNS))
+        Y, J = at.X * unit, at.jacobians * unit
+        # Where a point moves by dY, its image does by P dY, and the page at a fixed photo point by G dY = -J P dY.
+        P = np.zeros((len(Y), 2, 3))
+        P[:, 0, 0] = P[:, 1, 1] = camera.focal
+        P[:, :, 2] = -at.centred
+        G = -J @ (P / Y[:, 2, None, None])
+        by_turn = np.cross((Y - held.place)[:, None, :], G)
+        dq = np.zeros((len(Y), 2, self.shape + CAMERA_UNKNOWNS))
         dq[..., OF_SKEW] = own[..., SKEW]
         # Of slopes and bends a unit of the camera's page is `unit` of the sheet's.
         dq[..., OF_SLOPES] = own[..., SLOPES] * [unit, unit**2]
         dq[..., OF_BENDS : self.shape] = own[..., GLOBAL:] * unit
-        dq[..., self.shape : self.shape + 3] = own[..., TURN]
-        # Where the image moves by dx, the page at a fixed photo point moves by -J dx.
-        J = at.jacobians * unit
-        for axis in range(2):
-            dq[..., self.shape + 3 + axis] = (
-                -J[..., axis] * camera.focal / (at.X[:, 2:] * unit)
-            )
+        # The camera goes with the frame of its held point.
+        turns, shifts = motions[:, :3] @ camera.rotation.T, motions[:, 3:] @ camera.rotation.T
+        dq[..., : self.shape] -= by_turn @ turns.T + G @ shifts.T
+        dq[..., self.shape : self.shape + 3] = by_turn
+        dq[..., self.shape + 3 : self.shape + 5] = held.unit * G[..., :2]
+        dq[..., self.shape + 5] = G @ held.place
         inward = np.einsum("nij,nj->ni", J, at.centred)
-        dq[..., self.shape + 5] = inward / (at.X[:, 2:] * unit)
-        dq[..., self.shape + 6] = -inward
+        dq[..., self.shape + 6] = held.unit * held.focal * G[..., 2] - inward
         return at.page * unit, dq
 
     def _priors(self, sheet: SharedSheet) -> Residual:
@@ -239,7 +356,7 @@ class _SheetResiduals:
         k, of_bends = sheet.bends, eye[OF_BENDS : self.shape]
         difference = np.full(len(k) - 1, BEND_DIFFERENCE)
         difference[:RIM_BENDS] = difference[len(difference) - RIM_BENDS :] = RIM_DIFFERENCE
-        focal = [np.log(camera.focal) for camera in sheet.cameras]
+        focal = [np.log(camera.focal) for camera in sheet.held]
         mean = [part.observed.log_focal for part in self.parts]
         deviation = np.array([part.observed.focal_deviation for part in self.parts])
         of_focal = eye[self.shape + CAMERA_UNKNOWNS - 1 :: CAMERA_UNKNOWNS]
