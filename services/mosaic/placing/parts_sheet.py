@@ -1,8 +1,8 @@
 """One bent sheet that photos of its parts show, and the camera of each.
 
-Registration places points of the page to a few hundredths of a pixel; what is wrong with a mosaic of a bent page is
-the shape that each photo shows by itself, of which an overlap sees little. So the sheet's shape and all cameras are
-fitted once more together: to the print of all photos, and to the points that they share.
+Registration finds points of the page to a few hundredths of a pixel; what is wrong with a mosaic of a bent page is the
+shape that each photo shows by itself, of which an overlap sees little. So the sheet's shape and all cameras are fitted
+once more together, to the print of all photos and to the points that they share.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,18 +10,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.arrays import Floats, Points, Vector
-from services.geometry.homographies import transform_points
-from services.mosaic.flat_photo import FlatPhoto
+from services.arrays import Homography, Mask, Points, Vector
+from services.geometry.homographies import scaling, transform_points
+from services.mosaic.flat_photo import FlatPhoto, SeenPage
+from services.mosaic.placing.joint_sheet import (
+    COLUMNS,
+    LEFT_BY_MATCHING,
+    MOST_LEFT,
+    NO_WORSE,
+    JointSheet,
+    measure_apart,
+)
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
+from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
-from services.sheet.curved_page import REACH, CurvedPage, page_hull
+from services.order_statistics import median
+from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_hull
 from services.sheet.developable.fitting import rescale_deviations
-from services.sheet.developable.observations import SLANT_MEAN_RAD, PageObservations
+from services.sheet.developable.observations import NO_EDGES, PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.developable.shared_sheet import (
-    FittedSheet,
     SeenPart,
     SharedPoints,
     SharedSheet,
@@ -30,146 +39,257 @@ from services.sheet.developable.shared_sheet import (
     unit_of,
 )
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
-from services.sheet.framing import CurvedFrame
+from services.sheet.framing import CurvedFrame, frame_curved_page
+from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
 from services.sheet.ridged.views import OtherCamera
+from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
 
 THIN = 200
 """Characters of a photo that its camera is found by."""
 MARGIN = 0.12
+"""The bend continues beyond the text by this share of the sheet's width."""
 MOST_BENDS = 30
-MATCH_PX = 0.1
 ALONG = 25
+"""Places along a photo at which its own surface tells the bend."""
 LIKE_RULINGS_RAD = np.deg2rad(25.0)
+"""Angle between the rulings of two photos up to which their bends are those of one sheet."""
+SMOOTH = (0.02, 0.3)
+"""Weights of first and second differences of neighbouring bends, where no photo tells them."""
+MATCH_PX = 0.1
+"""Deviation of a coordinate of a correspondence, pixels of the photos."""
+FEWEST = 8
+"""Least number of held-out correspondences of a pair that is judged."""
+MOST_BASES = 4
+"""Photos whose own surfaces are tried as the start: those with most text."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Base:
-    """The photo whose own surface is the start, and the maps into its page."""
+class _Parts:
+    """The photos, what they show, and their placements, in one order."""
 
-    index: int
-    surface: DevelopableSurface
-    H_page_mosaic: Floats
+    photos: tuple[FlatPhoto, ...]
+    pages: tuple[SeenPage, ...]
+    placements: tuple[Placement, ...]
+
+    def to_page(self, k: int, base: int, points: Points) -> Points:
+        """Points (N, 2) of photo `k` on the flat page of photo `base`, as the photos are placed."""
+        on_mosaic = self.placements[k].to_mosaic(self.photos[k].frame.to_flat(points))
+        H = _frame(self.photos[base]).H_page_flat @ np.linalg.inv(self.placements[base].H_mosaic_flat)
+        return transform_points(H, on_mosaic)
 
 
-def start_sheet(
-    base: int, photos: Mapping[int, FlatPhoto], placements: Mapping[int, Placement]
-) -> SharedSheet | None:
-    """The sheet of photo `base`, continued by what the others show of its bends, and their cameras on it."""
-    flat = photos[base]
-    shape = flat.page.shape
-    surface = shape.fitted.surface
-    H_page_mosaic = flat.frame.H_page_flat @ np.linalg.inv(placements[base].H_mosaic_flat)
-    pages = {}
-    seen = {}
-    for index, photo in photos.items():
-        characters = photo.page.evidence.text.characters
+def find_sheet_of_parts(
+    photos: Mapping[int, FlatPhoto],
+    pairs: Sequence[PairRegistration],
+    placements: Mapping[int, Placement],
+) -> JointSheet | None:
+    """The smooth bent sheet that all `photos` show parts of, if it explains more than their own surfaces do.
+
+    None where no photo shows a bent sheet, where a photo shows no page, and where correspondences that were held out,
+    or the lines of text, speak for the views that were flattened one by one, with these `placements`.
+    """
+    order = list(photos)
+    pages = [photo.page for photo in photos.values() if photo.page is not None]
+    bent = [k for k, page in enumerate(pages) if isinstance(page.shape, CurvedPage)]
+    if len(pages) < len(photos) or not bent:
+        return None
+    parts = _Parts(tuple(photos.values()), tuple(pages), tuple(placements[index] for index in order))
+    bent.sort(key=lambda k: -len(pages[k].evidence.text.characters))
+    starts = [start for start in (_start_at(k, parts) for k in bent[:MOST_BASES]) if start is not None]
+    if not starts:
+        return None
+    start = min(starts, key=lambda start: start[1])[0]
+    shared, held_out = _share(parts, order, pairs, start)
+    seen = [_observe(page, start.surface(camera)) for page, camera in zip(pages, start.cameras, strict=True)]
+    sheet = fit_shared_sheet(start, seen, shared).sheet
+    left = _left(sheet, parts, held_out)
+    # Homographies of single views are fitted to all correspondences, those that are held out here too.
+    if not left <= min(MOST_LEFT, max(LEFT_BY_MATCHING, measure_apart(photos, pairs, placements))):
+        return None
+    for page, camera, part in zip(pages, sheet.cameras, seen, strict=True):
+        surface, lines = sheet.surface(camera), part.observed.lines
+        own = measure_straightness(page.shape.page_map, lines)
+        if implausibility(surface, page.evidence.characters) is not None:
+            return None
+        if measure_straightness(surface, lines) > max(STRAIGHT, NO_WORSE * own):
+            return None
+    return _describe(sheet, parts, order, left)
+
+
+def _frame(photo: FlatPhoto) -> CurvedFrame:
+    assert isinstance(photo.frame, CurvedFrame)
+    return photo.frame
+
+
+def _own_surface(page: SeenPage) -> DevelopableSurface:
+    assert isinstance(page.shape, CurvedPage)
+    return page.shape.fitted.surface
+
+
+def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
+    """The sheet of photo `base`, continued by what the others show of its bends, with their cameras on it.
+
+    Beside it the mean of the distances, centred units, that the cameras leave. None if one cannot be found.
+    """
+    surface = _own_surface(parts.pages[base])
+    shown = []
+    for k, page in enumerate(parts.pages):
+        characters = page.evidence.text.characters
         characters = characters[:: max(len(characters) // THIN, 1)]
-        page = _page_of(photo, placements[index], H_page_mosaic, characters)
-        known = np.isfinite(page).all(axis=1)
-        pages[index], seen[index] = page[known], photo.page.view.to_centred(characters[known])
-    s = surface.to_sheet(np.concatenate(list(pages.values())))[:, 0]
-    low, high = np.percentile(s, [0.2, 99.8])
-    own = surface.basis
+        on_page = parts.to_page(k, base, characters)
+        known = np.isfinite(on_page).all(axis=1)
+        shown.append((on_page[known], page.view.to_centred(characters[known])))
+    across = surface.to_sheet(np.concatenate([on_page for on_page, _ in shown]))[:, 0]
+    low, high = (float(v) for v in np.percentile(across, [0.2, 99.8]))
     margin = MARGIN * (high - low)
+    own = surface.basis
     spacing = (own.high - own.low) / (own.values.shape[1] - 3)
-    low, high = low - margin, high + margin
-    count = int(np.clip(round((high - low) / spacing) + 3, 12, MOST_BENDS))
-    basis = bend_basis(low, high, count, REACH)
-    at, bend, weight = [], [], []
-    for index, photo in photos.items():
-        if not isinstance(photo.page.shape, CurvedPage):
-            continue
-        found = _bends_of(photo, surface, placements[index], H_page_mosaic)
-        if found is not None:
-            at.append(found[0])
-            bend.append(found[1])
-    bends = _fit_bends(basis, np.concatenate(at), np.concatenate(bend))
-    c, d = np.cos(surface.skew_rad), np.sin(surface.skew_rad)
-    skew = np.array([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]])
-    camera = OtherCamera(surface.rotation @ skew.T, np.array([*surface.anchor, surface.focal]), surface.focal)
-    sheet = SharedSheet(surface.skew_rad, surface.slopes, shape.fitted.slant_rad, bends, basis, ())
-    whole = sheet.surface(camera)
-    cameras = []
-    for index, photo in photos.items():
-        sc = whole.to_sheet(pages[index])
-        P, R = whole.line_at(sc[:, 0])
-        X = (P + sc[:, 1:] * R - camera.translation) @ camera.rotation
-        found = resect_camera(X, seen[index], photo.page.focal_prior)
+    count = int(np.clip(round((high - low + 2 * margin) / spacing) + 3, own.values.shape[1], MOST_BENDS))
+    basis = bend_basis(low - margin, high + margin, count, REACH)
+    told = [_bends_of(k, base, parts) for k in range(len(parts.pages))]
+    bends = _join_bends(basis, [each for each in told if each is not None])
+    unskew = surface.rotation[:, :2] @ _turn(surface.skew_rad)
+    axes = np.column_stack([unskew, surface.rotation[:, 2]])
+    camera = OtherCamera(axes, np.array([*surface.anchor, surface.focal]), surface.focal)
+    slant = parts.pages[base].shape.fitted.slant_rad  # type: ignore[attr-defined]
+    sheet = SharedSheet(surface.skew_rad, surface.slopes, slant, bends, basis, ())
+    whole, cameras, left = sheet.surface(camera), [], []
+    for (on_page, seen), page in zip(shown, parts.pages, strict=True):
+        st = whole.to_sheet(on_page)
+        P, R = whole.line_at(st[:, 0])
+        X = (P + st[:, 1:] * R - camera.translation) @ camera.rotation
+        found = resect_camera(X, seen, page.focal_prior)
         if found is None:
             return None
-        middle = np.median(pages[index], axis=0)
+        left.append(float(np.median(np.linalg.norm(found.project(X) - seen, axis=1))))
+        middle = np.median(on_page, axis=0)
         cameras.append(hold_camera(sheet, found, (float(middle[0]), float(middle[1]))))
-    return replace(sheet, held=tuple(cameras))
+    return replace(sheet, held=tuple(cameras)), float(np.mean(left))
 
 
-def _page_of(photo: FlatPhoto, placement: Placement, H_page_mosaic: Floats, points: Points) -> Points:
-    return transform_points(H_page_mosaic, placement.to_mosaic(photo.frame.to_flat(points)))
+def _turn(angle_rad: float) -> Homography:
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, -s], [s, c]])
 
 
-def _bends_of(
-    photo: FlatPhoto, sheet: DevelopableSurface, placement: Placement, H_page_mosaic: Floats
-) -> tuple[Vector, Vector] | None:
-    """Places on the sheet's a-axis, and the bends there, that the photo's own surface has; None if it is ruled otherwise."""
-    own = photo.page.shape.fitted.surface
-    st = own.to_sheet(own.to_page(photo.page.evidence.characters))
-    low, high = np.nanpercentile(st[:, 0], [1, 99])
-    t = float(np.nanmedian(st[:, 1]))
-    s = np.linspace(low, high, ALONG)
-    k = np.interp(s, own.basis.nodes, own.basis.values @ own.bends)
-    H = H_page_mosaic @ placement.H_mosaic_flat @ np.linalg.inv(photo.frame.H_page_flat)
-    lines = [transform_points(H, own.from_sheet(np.column_stack([s, np.full(ALONG, t + d)]))) for d in (0.0, 0.05)]
-    here, there = (sheet.to_sheet(line) for line in lines)
-    way = there - here
-    lean = np.median(np.arctan2(way[:, 0], np.abs(way[:, 1])))
-    rate = np.gradient(here[:, 0], s)
-    if abs(lean) > LIKE_RULINGS_RAD or not np.isfinite(rate).all():
+def _bends_of(k: int, base: int, parts: _Parts) -> tuple[Vector, Vector] | None:
+    """Places across the sheet of photo `base`, and its bends there as photo `k` tells them.
+
+    None if photo `k` shows no bend, or one about other rulings.
+    """
+    page = parts.pages[k]
+    if not isinstance(page.shape, CurvedPage):
         return None
-    return here[:, 0], k / np.maximum(np.abs(rate), 0.05)
+    own, sheet = page.shape.fitted.surface, _own_surface(parts.pages[base])
+    at = own.to_sheet(own.to_page(page.evidence.characters))
+    low, high = np.nanpercentile(at[:, 0], [1, 99])
+    s, t = np.linspace(low, high, ALONG), float(np.nanmedian(at[:, 1]))
+    bend = np.interp(s, own.basis.nodes, own.basis.values @ own.bends)
+    step = 0.1 * (high - low)
+    lines = []
+    for place in (t, t + step):
+        seen = own.to_photo(own.from_sheet(np.column_stack([s, np.full(ALONG, place)])))
+        lines.append(sheet.to_sheet(parts.to_page(k, base, page.view.to_photo(seen))))
+    way, rate = lines[1] - lines[0], np.abs(np.gradient(lines[0][:, 0], s))
+    lean = np.arctan2(way[:, 0], np.abs(way[:, 1]))
+    known = np.isfinite(rate) & np.isfinite(lean) & (rate > 0)
+    if not known.any() or abs(np.median(lean[known])) > LIKE_RULINGS_RAD:
+        return None
+    return lines[0][known, 0], bend[known] / rate[known]
 
 
-def _fit_bends(basis: BendBasis, at: Vector, bend: Vector) -> Vector:
-    values = np.stack([np.interp(at, basis.nodes, column, left=0, right=0) for column in basis.values.T], axis=1)
+def _join_bends(basis: BendBasis, told: Sequence[tuple[Vector, Vector]]) -> Vector:
+    """Bends (K,) of the sheet by least squares; where no photo tells them they go on smoothly."""
+    at, bend = (np.concatenate(each) for each in zip(*told, strict=True))
+    values = np.stack([np.interp(at, basis.nodes, spline) for spline in basis.values.T], axis=1)
     count = values.shape[1]
-    smooth = 0.3 * np.diff(np.eye(count), 2, axis=0)
-    held = 0.02 * np.diff(np.eye(count), axis=0)
-    A = np.concatenate([values, smooth, held])
-    return np.linalg.lstsq(A, np.concatenate([bend, np.zeros(len(smooth) + len(held))]), rcond=None)[0]
+    held = [weight * np.diff(np.eye(count), order, axis=0) for order, weight in enumerate(SMOOTH, start=1)]
+    A = np.concatenate([values, *held])
+    return np.asarray(np.linalg.lstsq(A, np.append(bend, np.zeros(len(A) - len(bend))), rcond=None)[0])
 
 
-def observe_part(photo: FlatPhoto, surface: DevelopableSurface, *, again: bool) -> SeenPart:
-    e, shape, prior = photo.page.evidence, photo.page.shape, photo.page.focal_prior
-    p = FittingParameters(cauchy_flows=True)
-    from services.sheet.developable.observations import NO_EDGES
-
-    edges = NO_EDGES
+def _observe(page: SeenPage, surface: DevelopableSurface) -> SeenPart:
+    """The print of a photo; lines are those of its own surface, or are traced on the sheet."""
+    e, shape, prior = page.evidence, page.shape, page.focal_prior
+    p, edges = FittingParameters(cauchy_flows=True), NO_EDGES
     if isinstance(shape, CurvedPage):
-        p = rescale_deviations(p, shape.fitted)
-        edges = shape.edges
-    lines = shape.lines if isinstance(shape, CurvedPage) and not again else trace_lines(e.text, e.view, surface)
-    observed = PageObservations(
-        e.major, e.minor, lines, page_hull(e.characters), prior.log_focal, prior.deviation, edges
+        p, lines, edges = rescale_deviations(p, shape.fitted), shape.lines, shape.edges
+    else:
+        lines = trace_lines(e.text, e.view, surface)
+    hull = page_hull(e.characters)
+    return SeenPart(
+        PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges), p
     )
-    return SeenPart(observed, p)
 
 
-def share_points(
-    photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration], sheet: SharedSheet, held_out=None
-) -> list[SharedPoints]:
-    order = list(photos)
-    found = []
-    for number, pair in enumerate(pairs):
+def _share(
+    parts: _Parts, order: Sequence[int], pairs: Sequence[PairRegistration], sheet: SharedSheet
+) -> tuple[list[SharedPoints], list[SharedPoints]]:
+    """What pairs of photos share: what the sheet is fitted to, and what is held out."""
+    fitted, held_out, cameras = [], [], sheet.cameras
+    for pair in pairs:
         a, b = order.index(pair.a), order.index(pair.b)
-        ends = [
-            photos[i].page.view.to_centred(photos[i].to_photo(points))
-            for i, points in ((pair.a, pair.points_a), (pair.b, pair.points_b))
-        ]
-        if held_out is not None:
-            ends = [end[~held_out[number]] for end in ends]
-        size = []
-        for k, i, end in ((a, pair.a, ends[0]), (b, pair.b, ends[1])):
-            camera = sheet.cameras[k]
-            J = sheet.surface(camera).jacobians(end) * unit_of(camera)
-            size.append(np.median(np.sqrt(np.abs(np.linalg.det(J)))) / photos[i].page.view.unit_px)
-        found.append(SharedPoints(a, b, *ends, MATCH_PX * float(np.hypot(*size)) / np.sqrt(2)))
-    return found
+        i, j = np.floor(pair.points_a / (HELD_OUT_CELL * parts.photos[a].text_height_px)).astype(int).T
+        out: Mask = (i + 2 * j) % HELD_OUT_CELLS == 0
+        ends, px = [], []
+        for k, points in ((a, pair.points_a), (b, pair.points_b)):
+            view = parts.pages[k].view
+            ends.append(view.to_centred(parts.photos[k].to_photo(points)))
+            J = sheet.surface(cameras[k]).jacobians(ends[-1]) * unit_of(cameras[k])
+            px.append(median(np.sqrt(np.abs(np.linalg.det(J)))) / view.unit_px)
+        both = SharedPoints(a, b, ends[0], ends[1], MATCH_PX * float(np.sqrt(np.mean(np.square(px)))))
+        fitted.append(replace(both, points_a=ends[0][~out], points_b=ends[1][~out]))
+        held_out.append(replace(both, points_a=ends[0][out], points_b=ends[1][out]))
+    return fitted, held_out
+
+
+def _left(sheet: SharedSheet, parts: _Parts, held_out: Sequence[SharedPoints]) -> float:
+    """Median distance on the sheet of correspondences, in text heights, of the worst pair."""
+    found, cameras = [], sheet.cameras
+    for pair in held_out:
+        ends = []
+        for k, points in ((pair.a, pair.points_a), (pair.b, pair.points_b)):
+            ends.append(sheet.surface(cameras[k]).to_page(points) * unit_of(cameras[k]))
+        page = parts.pages[pair.b]
+        J = sheet.surface(cameras[pair.b]).jacobians(pair.points_b) * unit_of(cameras[pair.b])
+        height = np.sqrt(np.abs(np.linalg.det(J))) * page.text_height_px / page.view.unit_px
+        found.append(np.linalg.norm(ends[0] - ends[1], axis=1) / height)
+    judged = [distances for distances in found if len(distances) >= FEWEST] or [np.concatenate(found)]
+    return max(median(distances) if len(distances) else np.inf for distances in judged)
+
+
+def _describe(sheet: SharedSheet, parts: _Parts, order: Sequence[int], left: float) -> JointSheet:
+    """The sheet with the views of its photos, in the camera frame of the first one."""
+    views, H_world_flat, cameras, boxes = {}, {}, {}, []
+    first = sheet.cameras[0]
+    for index, photo, page, camera in zip(order, parts.photos, parts.pages, sheet.cameras, strict=True):
+        characters = page.evidence.text.characters
+        frame = frame_curved_page(
+            sheet.surface(camera), page.view, characters, page.text_height_px, photo.sheet
+        )
+        views[index], H_world_flat[index] = frame, scaling(unit_of(camera)) @ frame.H_page_flat
+        rotation = camera.rotation @ first.rotation.T
+        cameras[index] = OtherCamera(
+            rotation, camera.translation - rotation @ first.translation, camera.focal
+        )
+        corners = np.array([[0.0, 0.0], [frame.width - 1.0, frame.height - 1.0]])
+        boxes.append(transform_points(H_world_flat[index], corners))
+    low, high = np.min(boxes, axis=(0, 1)), np.max(boxes, axis=(0, 1))
+    extent = high - low
+    rows = max(round(COLUMNS * float(extent[1] / extent[0])), MIN_ROWS - 1)
+    u, v = np.linspace(low[0], high[0], COLUMNS + 1), np.linspace(low[1], high[1], rows + 1)
+    page_points = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    surface = sheet.surface(first)
+    st = surface.to_sheet(page_points / unit_of(first))
+    P, R = surface.line_at(st[:, 0])
+    nodes = unit_of(first) * (P + st[:, 1:] * R)
+    step = float(extent[0]) / COLUMNS
+    mesh = SheetMesh(
+        nodes.reshape(rows + 1, COLUMNS + 1, 3),
+        first.focal,
+        step,
+        float(extent[1]) / rows / step,
+        (float(low[0]), float(low[1])),
+    )
+    return JointSheet(order[0], "smooth", mesh, cameras, views, H_world_flat, True, left)

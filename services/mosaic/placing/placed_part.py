@@ -12,6 +12,7 @@ from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placing.adjustment import adjust_globally
 from services.mosaic.placing.frontal_frame import agree_on_frontal_frame
 from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
+from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
 from services.mosaic.registration.pair_registration import PairRegistration
@@ -59,9 +60,11 @@ def place_photos(
     members = {index: photos[index] for index in part}
     placed = _place(chosen, members, adjustment.H_world_flat, within)
     joint = find_joint_sheet(members, within, placed.placements)
+    if joint is None:
+        joint = find_sheet_of_parts(members, within, placed.placements)
     if joint is not None:
         members, within = _lay_on_sheet(joint, members, within)
-        placed = replace(_place(chosen, members, dict.fromkeys(part, np.eye(3)), within), joint=joint)
+        placed = replace(_place(chosen, members, joint.H_world_flat, within), joint=joint)
     H_mosaic_flat = {index: placement.H_mosaic_flat for index, placement in placed.placements.items()}
     warp = estimate_residual_warp(members, H_mosaic_flat, within)
     placements = {index: Placement(H, warp.displacements[index]) for index, H in H_mosaic_flat.items()}
@@ -83,12 +86,9 @@ def _place(
 def _lay_on_sheet(
     joint: JointSheet, photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration]
 ) -> tuple[dict[int, FlatPhoto], tuple[PairRegistration, ...]]:
-    """The photos in the views of one sheet, whose flat pixels they share, and the matches in these."""
-    laid = {}
-    for index, photo in photos.items():
-        assert photo.page is not None
-        laid[index] = view_again(photo, joint.frame(index, photo.page.view))
-    moved = []
+    """The photos in their views of one sheet, and the matches in these."""
+    laid = {index: view_again(photo, joint.views[index]) for index, photo in photos.items()}
+    moved, laid_at = [], joint.H_world_flat
     for pair in pairs:
         ends = [
             laid[index].frame.to_flat(photos[index].to_photo(points))
@@ -98,7 +98,7 @@ def _lay_on_sheet(
         moved.append(
             replace(
                 pair,
-                H_a_b=np.eye(3),
+                H_a_b=np.linalg.solve(laid_at[pair.a], laid_at[pair.b]),
                 points_a=ends[0][known],
                 points_b=ends[1][known],
                 weights=pair.weights[known],

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import rotation_from_vector
@@ -196,7 +197,7 @@ class SeenPart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedPoints:
-    """Points (N, 2) of the photos `a` and `b`, centred in either, that are one; `deviation` is in units of the sheet."""
+    """Points (N, 2) of the photos `a` and `b`, centred in either, that are one; `deviation` is in sheet units."""
 
     a: int
     b: int
@@ -232,7 +233,7 @@ def fit_shared_sheet(
 def _minimize(
     sheet: SharedSheet, residuals: "_SheetResiduals", gain: float
 ) -> tuple[SharedSheet, float, int]:
-    """The sheet of least cost near the start, that cost, and the evaluations it took: Levenberg's and Marquardt's method.
+    """The sheet of least cost near the start, that cost, and the evaluations it took (Levenberg and Marquardt).
 
     The sheet's origin and unit are held by the first camera's anchor and unit: else the priors of the bends would let
     the unit grow.
@@ -263,9 +264,7 @@ def _minimize(
 class _SheetResiduals:
     """Cost of a sheet, and its derivatives."""
 
-    def __init__(
-        self, start: SharedSheet, parts: Sequence[SeenPart], shared: Sequence[SharedPoints]
-    ) -> None:
+    def __init__(self, start: SharedSheet, parts: Sequence[SeenPart], shared: Sequence[SharedPoints]) -> None:
         self.parts, self.shared = parts, shared
         self.prints = [
             PrintResiduals(part.observed, start.surface(camera), part.parameters, unit_of(camera))
@@ -291,7 +290,7 @@ class _SheetResiduals:
         seen = zip(sheet.cameras, sheet.motions(), strict=True)
         pages = [self._page(sheet, k, *camera) for k, camera in enumerate(seen)]
 
-        def add(residual: Residual, columns: Vector) -> None:
+        def add(residual: Residual, columns: NDArray[np.intp]) -> None:
             nonlocal cost
             A[np.ix_(columns, columns)] += residual.slope.T @ residual.slope
             g[columns] += residual.slope.T @ residual.value
@@ -318,7 +317,7 @@ class _SheetResiduals:
     def _ends(self, number: int, pair: SharedPoints) -> list[tuple[int, slice]]:
         return [(k, self.slices[k][number]) for k in (pair.a, pair.b)]
 
-    def _columns(self, k: int) -> Vector:
+    def _columns(self, k: int) -> NDArray[np.intp]:
         first = self.shape + CAMERA_UNKNOWNS * k
         return np.concatenate([np.arange(self.shape), np.arange(first, first + CAMERA_UNKNOWNS)])
 
