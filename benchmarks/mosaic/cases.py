@@ -19,6 +19,7 @@ from simulation.mosaic_sets import GENTLE_CURVE, OVERLAPS, photograph_set
 from simulation.pages import load_page
 from simulation.scenes import BOOK, CONE, WAVE
 from simulation.surfaces import Shape
+from simulation.truth import Truth
 
 COUNTS = (2, 4, 8)
 REPEATS = 3
@@ -166,14 +167,17 @@ def load_case(case: MosaicCase, data: Path, pages: Mapping[str, Page]) -> TrueSe
         return _load_shared(data / "mosaic" / case.page)
     page = pages[case.page]
     seed = [case.count, round(100 * case.overlap), case.number, *f"{case.kind}{case.sheet}".encode()]
-    made = photograph_set(
-        page,
-        case.count,
-        case.overlap,
-        np.random.default_rng(seed),
-        shape=_shape(case),
-        turned=case.count // 2 if case.kind == "turned" else 0,
-    )
+    rng, hidden = np.random.default_rng(seed), True
+    while hidden:
+        made = photograph_set(
+            page,
+            case.count,
+            case.overlap,
+            rng,
+            shape=_shape(case),
+            turned=case.count // 2 if case.kind == "turned" else 0,
+        )
+        hidden = any(_hides_itself(photo.truth) for photo in made.photos)
     words = [word for line in page.lines for word in line]
     boxes = np.array([word.box for word in words])
     x0, y0 = boxes[:, :2].min(axis=0)
@@ -194,6 +198,17 @@ def _shape(case: MosaicCase) -> Shape | None:
     if case.kind == "curved":
         return GENTLE_CURVE
     return FOLDED[case.number] if case.sheet == "folded" else BENT.get(case.sheet)
+
+
+def _hides_itself(truth: Truth) -> bool:
+    """Whether a ray to some point of the page meets the sheet before."""
+    x, y = np.linspace(0, truth.page.width - 1, 40), np.linspace(0, truth.page.height - 1, 50)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    seen = truth.page_to_photo(points)
+    with np.errstate(invalid="ignore"):
+        shown = np.all((seen >= 0) & (seen <= [truth.camera.width - 1, truth.camera.height - 1]), axis=1)
+    apart = np.hypot(*(truth.photo_to_page(seen[shown]) - points[shown]).T)
+    return not bool(np.all(apart <= 1.0))
 
 
 def _load_shared(folder: Path) -> TrueSet:
