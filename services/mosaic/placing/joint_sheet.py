@@ -70,7 +70,7 @@ class JointSheet:
     mesh : the sheet in space.
     cameras : of all photos by index, that of the reference too.
     views : the frames of their views of the sheet.
-    H_world_flat : flat pixels of these views -> pixels that they share.
+    H_world_page : page points of these frames' maps -> one page of all photos.
     fitted : whether the sheet was fitted to all photos; else it is that of the reference.
     residual : median distance of correspondences that were held out, in text heights, of the worst photo.
     """
@@ -80,7 +80,7 @@ class JointSheet:
     mesh: SheetMesh
     cameras: Mapping[int, OtherCamera]
     views: Mapping[int, CurvedFrame]
-    H_world_flat: Mapping[int, Homography]
+    H_world_page: Mapping[int, Homography]
     fitted: bool
     residual: float
 

@@ -16,6 +16,7 @@ from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.sheet.framing import CurvedFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +64,8 @@ def place_photos(
     if joint is None:
         joint = find_sheet_of_parts(members, within, placed.placements)
     if joint is not None:
-        members, within = _lay_on_sheet(joint, members, within)
-        placed = replace(_place(chosen, members, joint.H_world_flat, within), joint=joint)
+        members, H_world_flat, within = _lay_on_sheet(joint, members, within)
+        placed = replace(_place(chosen, members, H_world_flat, within), joint=joint)
     H_mosaic_flat = {index: placement.H_mosaic_flat for index, placement in placed.placements.items()}
     warp = estimate_residual_warp(members, H_mosaic_flat, within)
     placements = {index: Placement(H, warp.displacements[index]) for index, H in H_mosaic_flat.items()}
@@ -85,10 +86,16 @@ def _place(
 
 def _lay_on_sheet(
     joint: JointSheet, photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration]
-) -> tuple[dict[int, FlatPhoto], tuple[PairRegistration, ...]]:
-    """The photos in their views of one sheet, and the matches in these."""
-    laid = {index: view_again(photo, joint.views[index]) for index, photo in photos.items()}
-    moved, laid_at = [], joint.H_world_flat
+) -> tuple[dict[int, FlatPhoto], dict[int, Homography], tuple[PairRegistration, ...]]:
+    """The photos in their views of one sheet, the places of these on it, and the matches in them."""
+    laid: dict[int, FlatPhoto] = {}
+    H_world_flat: dict[int, Homography] = {}
+    for index, photo in photos.items():
+        laid[index] = view_again(photo, joint.views[index])
+        frame = laid[index].frame
+        assert isinstance(frame, CurvedFrame)
+        H_world_flat[index] = joint.H_world_page[index] @ frame.H_page_flat
+    moved = []
     for pair in pairs:
         ends = [
             laid[index].frame.to_flat(photos[index].to_photo(points))
@@ -98,10 +105,10 @@ def _lay_on_sheet(
         moved.append(
             replace(
                 pair,
-                H_a_b=np.linalg.solve(laid_at[pair.a], laid_at[pair.b]),
+                H_a_b=np.linalg.solve(H_world_flat[pair.a], H_world_flat[pair.b]),
                 points_a=ends[0][known],
                 points_b=ends[1][known],
                 weights=pair.weights[known],
             )
         )
-    return laid, tuple(moved)
+    return laid, H_world_flat, tuple(moved)

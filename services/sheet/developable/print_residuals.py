@@ -68,16 +68,13 @@ class StraightEdges:
     and y across it, both from the side's mean, m = sum(w x y) / sum(w x x), and y - m x is left.
     """
 
-    def __init__(
-        self, edges: SideObservations, start: DevelopableSurface, p: FittingParameters, unit: float = 1.0
-    ) -> None:
+    def __init__(self, edges: SideObservations, start: DevelopableSurface, p: FittingParameters) -> None:
         self.index, self.upright = edges.index, edges.upright
         # Across a side, one unit of the photo is this many units of the page; fixed at the start.
         grow = np.ones(len(self.index))
         if len(self.index):
             J = np.nan_to_num(start.jacobians(edges.points))
-            grow = np.linalg.norm(J[np.arange(len(J)), (~self.upright).astype(int)], axis=1)
-            grow = unit * np.maximum(grow, 0.1)
+            grow = np.maximum(np.linalg.norm(J[np.arange(len(J)), (~self.upright).astype(int)], axis=1), 0.1)
         self.deviation = np.hypot(edges.deviations, SIDE_FLOOR) * p.side_factor * grow
         self.weight = 1 / self.deviation**2
         count = int(self.index.max()) + 1 if len(self.index) else 0
@@ -107,7 +104,7 @@ class StraightEdges:
 class PrintResiduals:
     """The residuals of what one photo shows, at its `points` (N, 2), centred, once these are unrolled.
 
-    The page's unit may be any, but must be that of `start`, the surface near which deviations are taken.
+    Deviations on the page are taken at `start`; `unit` is what a unit of its page is in `q` (see `parts`).
     """
 
     def __init__(
@@ -145,7 +142,7 @@ class PrintResiduals:
             grow = unit * np.linalg.norm(J[:, 1], axis=1)
         self.line_deviation = lines.deviations * p.line_factor * np.maximum(grow, 1e-6)
         self.text_height = lines.text_height * (float(np.median(grow)) if len(grow) else 1.0)
-        self.edges = StraightEdges(observed.edges, start, p, unit)
+        self.edges = StraightEdges(observed.edges, start, p)
 
     def parts(self, q: Points, dq: Floats, slant: float, slant_at: int) -> dict[str, Residual]:
         """Residuals of `major`, `minor`, `straight`, `spacing`, `margins`, `sides` before any loss.
