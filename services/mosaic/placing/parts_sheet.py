@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.arrays import Homography, Mask, Points, Vector
+from services.arrays import Mask, Points, Vector
 from services.geometry.homographies import scaling, transform_points
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.placing.joint_sheet import (
@@ -27,13 +27,14 @@ from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.order_statistics import median
 from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_hull
-from services.sheet.developable.fitting import rescale_deviations
+from services.sheet.developable.fitting import FittedSurface, rescale_deviations
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.developable.shared_sheet import (
     SeenPart,
     SharedPoints,
     SharedSheet,
+    camera_of,
     fit_shared_sheet,
     hold_camera,
     unit_of,
@@ -122,9 +123,9 @@ def _frame(photo: FlatPhoto) -> CurvedFrame:
     return photo.frame
 
 
-def _own_surface(page: SeenPage) -> DevelopableSurface:
+def _own_fit(page: SeenPage) -> FittedSurface:
     assert isinstance(page.shape, CurvedPage)
-    return page.shape.fitted.surface
+    return page.shape.fitted
 
 
 def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
@@ -132,7 +133,8 @@ def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
 
     Beside it the mean of the distances, centred units, that the cameras leave. None if one cannot be found.
     """
-    surface = _own_surface(parts.pages[base])
+    own = _own_fit(parts.pages[base])
+    surface = own.surface
     shown = []
     for k, page in enumerate(parts.pages):
         characters = page.evidence.text.characters
@@ -143,22 +145,17 @@ def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
     across = surface.to_sheet(np.concatenate([on_page for on_page, _ in shown]))[:, 0]
     low, high = (float(v) for v in np.percentile(across, [0.2, 99.8]))
     margin = MARGIN * (high - low)
-    own = surface.basis
-    spacing = (own.high - own.low) / (own.values.shape[1] - 3)
-    count = int(np.clip(round((high - low + 2 * margin) / spacing) + 3, own.values.shape[1], MOST_BENDS))
+    fewest = len(surface.bends)
+    spacing = (surface.basis.high - surface.basis.low) / (fewest - 3)
+    count = int(np.clip(round((high - low + 2 * margin) / spacing) + 3, fewest, MOST_BENDS))
     basis = bend_basis(low - margin, high + margin, count, REACH)
     told = [_bends_of(k, base, parts) for k in range(len(parts.pages))]
     bends = _join_bends(basis, [each for each in told if each is not None])
-    unskew = surface.rotation[:, :2] @ _turn(surface.skew_rad)
-    axes = np.column_stack([unskew, surface.rotation[:, 2]])
-    camera = OtherCamera(axes, np.array([*surface.anchor, surface.focal]), surface.focal)
-    slant = parts.pages[base].shape.fitted.slant_rad  # type: ignore[attr-defined]
-    sheet = SharedSheet(surface.skew_rad, surface.slopes, slant, bends, basis, ())
+    sheet = SharedSheet(surface.skew_rad, surface.slopes, own.slant_rad, bends, basis, ())
+    camera = camera_of(surface)
     whole, cameras, left = sheet.surface(camera), [], []
     for (on_page, seen), page in zip(shown, parts.pages, strict=True):
-        st = whole.to_sheet(on_page)
-        P, R = whole.line_at(st[:, 0])
-        X = (P + st[:, 1:] * R - camera.translation) @ camera.rotation
+        X = (whole.place(on_page) - camera.translation) @ camera.rotation
         found = resect_camera(X, seen, page.focal_prior)
         if found is None:
             return None
@@ -166,11 +163,6 @@ def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
         middle = np.median(on_page, axis=0)
         cameras.append(hold_camera(sheet, found, (float(middle[0]), float(middle[1]))))
     return replace(sheet, held=tuple(cameras)), float(np.mean(left))
-
-
-def _turn(angle_rad: float) -> Homography:
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[c, -s], [s, c]])
 
 
 def _bends_of(k: int, base: int, parts: _Parts) -> tuple[Vector, Vector] | None:
@@ -181,7 +173,7 @@ def _bends_of(k: int, base: int, parts: _Parts) -> tuple[Vector, Vector] | None:
     page = parts.pages[k]
     if not isinstance(page.shape, CurvedPage):
         return None
-    own, sheet = page.shape.fitted.surface, _own_surface(parts.pages[base])
+    own, sheet = page.shape.fitted.surface, _own_fit(parts.pages[base]).surface
     at = own.to_sheet(own.to_page(page.evidence.characters))
     low, high = np.nanpercentile(at[:, 0], [1, 99])
     s, t = np.linspace(low, high, ALONG), float(np.nanmedian(at[:, 1]))
@@ -283,9 +275,7 @@ def _describe(sheet: SharedSheet, parts: _Parts, order: Sequence[int], left: flo
     u, v = np.linspace(low[0], high[0], COLUMNS + 1), np.linspace(low[1], high[1], rows + 1)
     page_points = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     surface = sheet.surface(first)
-    st = surface.to_sheet(page_points / unit_of(first))
-    P, R = surface.line_at(st[:, 0])
-    nodes = unit_of(first) * (P + st[:, 1:] * R)
+    nodes = unit_of(first) * surface.place(page_points / unit_of(first))
     step = float(extent[0]) / COLUMNS
     mesh = SheetMesh(
         nodes.reshape(rows + 1, COLUMNS + 1, 3),

@@ -162,6 +162,12 @@ def hold_camera(sheet: SharedSheet, camera: OtherCamera, held: tuple[float, floa
     return HeldCamera(held, camera.rotation @ axes, place[:2] / unit, unit, camera.focal)
 
 
+def camera_of(surface: DevelopableSurface) -> OtherCamera:
+    """The camera that sees a `surface` of its own, whose page units are the sheet's."""
+    axes = surface.rotation @ _unskew(surface.skew_rad).T
+    return OtherCamera(axes, np.array([*surface.anchor, surface.focal]), surface.focal)
+
+
 def unit_of(camera: OtherCamera) -> float:
     """What a page unit of the surface that a camera sees is in the sheet's units."""
     return float(camera.translation[2] / camera.focal)
@@ -175,8 +181,8 @@ def _unskew(skew_rad: float) -> Floats:
 def _frames(alone: DevelopableSurface, page: Points) -> list[tuple[Floats, Vector]]:
     """The text's axes and the normal, as columns, and the point in space, at page points (N, 2)."""
     sheet = alone.to_sheet(page)
-    P, R = alone.line_at(sheet[:, 0])
-    X = P + sheet[:, 1:] * R - [0.0, 0.0, 1.0]
+    X = alone.place(page) - [0.0, 0.0, 1.0]
+    R = alone.line_at(sheet[:, 0])[1]
     N = alone.normals_at(sheet[:, 0])
     # The a-axis is what is left of R's perpendicular in the tangent plane: R = w A + B.
     w = alone.slope(sheet[:, 0])[:, None]
