@@ -309,7 +309,7 @@ def test_only_observations_are_under_a_loss() -> None:
     for name, number in (("spacing", 3), ("margins", 4)):
         group = slice(sum(count[:number]), sum(count[: number + 1]))
         assert np.allclose(value[group], cauchy(part[name].value)[0])
-    crossing = slice(sum(count[:5]), sum(count[:6]))
+    crossing = slice(sum(count[:6]), sum(count[:7]))
     assert np.array_equal(value[crossing], part["crossing"].value)
 
 

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.pipeline
 
 BENDS = np.array([0.4, 0.8, 1.2, 0.6, -0.4, -1.0, -0.6, 0.2])
 FOCALS = (1.3, 1.5)
-UPPER, LOWER = (box(0.45, 0.32, rows=9) + [0.0, shift] for shift in (-0.22, 0.22))
+UPPER, LOWER = (box(0.45, 0.32, rows=9) + np.array([0.0, shift]) for shift in (-0.22, 0.22))
 COMMON = box(0.4, 0.08, rows=5)
 
 
