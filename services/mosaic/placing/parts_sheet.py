@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import Mask, Points, Vector
+from services.geometry.focal_prior import MEASURED
 from services.geometry.homographies import scaling, transform_points
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.placing.joint_sheet import (
@@ -102,7 +103,10 @@ def find_sheet_of_parts(
         return None
     start = min(starts, key=lambda start: start[1])[0]
     shared, held_out = _share(parts, order, pairs, start)
-    seen = [_observe(page, start.surface(camera)) for page, camera in zip(pages, start.cameras, strict=True)]
+    seen = [
+        _observe(k, page, start.surface(camera))
+        for k, (page, camera) in enumerate(zip(pages, start.cameras, strict=True))
+    ]
     sheet = fit_shared_sheet(start, seen, shared).sheet
     left = _left(sheet, parts, held_out)
     # Homographies of single views are fitted to all correspondences, those that are held out here too.
@@ -201,8 +205,8 @@ def _join_bends(basis: BendBasis, told: Sequence[tuple[Vector, Vector]]) -> Vect
     return np.asarray(np.linalg.lstsq(A, np.append(bend, np.zeros(len(A) - len(bend))), rcond=None)[0])
 
 
-def _observe(page: SeenPage, surface: DevelopableSurface) -> SeenPart:
-    """The print of a photo; lines are those of its own surface, or are traced on the sheet.
+def _observe(k: int, page: SeenPage, surface: DevelopableSurface) -> SeenPart:
+    """The print of photo `k`; lines are those of its own surface, or are traced on the sheet.
 
     The sides of the sheet are left out: what a part shows as one may be another edge (of nine sets two were three times
     as exact without them, one a tenth less).
@@ -214,7 +218,11 @@ def _observe(page: SeenPage, surface: DevelopableSurface) -> SeenPart:
     else:
         lines = trace_lines(e.text, e.view, surface)
     hull = page_hull(e.characters)
-    return SeenPart(PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation), p)
+    # Photos for which one focal length was measured, by Exif or earlier photos, are of one camera.
+    camera = prior if prior.source in MEASURED else k
+    return SeenPart(
+        PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation), p, camera
+    )
 
 
 def _share(

@@ -5,7 +5,8 @@ f (Y_1, Y_2) / Y_3 with Y = R X + t. Seen by one camera, in the units in which t
 length f, it is a `DevelopableSurface` with the origin at f (t_1, t_2) / t_3; a unit there is t_3 / f of the sheet's.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -195,10 +196,14 @@ def _frames(alone: DevelopableSurface, page: Points) -> list[tuple[Floats, Vecto
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenPart:
-    """What one photo shows of the sheet, with the deviations of its print."""
+    """What one photo shows of the sheet, with the deviations of its print.
+
+    Photos of one `camera` have one focal length.
+    """
 
     observed: PageObservations
     parameters: FittingParameters
+    camera: Hashable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,7 +233,7 @@ def fit_shared_sheet(
 
     Squares under robust losses. Those of shared points are wide at first, since the start has them pixels apart.
     """
-    sheet, count = start, 0
+    sheet, count = _with_common_focals(start, parts), 0
     for slack, gain in SCHEDULE:
         eased = [replace(pair, deviation=slack * pair.deviation) for pair in shared]
         sheet, cost, used = _minimize(sheet, _SheetResiduals(sheet, parts, eased), gain)
@@ -239,21 +244,15 @@ def fit_shared_sheet(
 def _minimize(
     sheet: SharedSheet, residuals: "_SheetResiduals", gain: float
 ) -> tuple[SharedSheet, float, int]:
-    """The sheet of least cost near the start, that cost, and the evaluations it took (Levenberg and Marquardt).
-
-    The sheet's origin and unit are held by the first camera's anchor and unit: else the priors of the bends would let
-    the unit grow.
-    """
+    """The sheet of least cost near the start, that cost, and the evaluations it took (Levenberg and Marquardt)."""
     cost, A, g = residuals.normal_equations(sheet)
-    first = residuals.shape
-    free = np.delete(np.arange(residuals.unknowns), [first + 3, first + 4, first + 5])
+    T = residuals.free_unknowns()
     damping, growth, count = 1e-3, 4.0, 1
     while count < MOST_STEPS and damping < MOST_DAMPING:
-        diagonal = np.diag(A)[free]
-        held = A[np.ix_(free, free)] + np.diag(damping * diagonal + 1e-12 * diagonal.max())
-        step = np.zeros(residuals.unknowns)
-        step[free] = np.linalg.solve(held, -g[free])
-        moved = sheet.moved(step)
+        free = T.T @ A @ T
+        diagonal = np.diag(free)
+        held = free + np.diag(damping * diagonal + 1e-12 * diagonal.max())
+        moved = sheet.moved(T @ np.linalg.solve(held, -T.T @ g))
         count += 1
         new_cost, new_A, new_g = residuals.normal_equations(moved)
         if np.isfinite(new_cost) and new_cost < cost:
@@ -265,6 +264,19 @@ def _minimize(
         else:
             damping, growth = damping * growth, 2 * growth
     return sheet, cost, count
+
+
+def _with_common_focals(sheet: SharedSheet, parts: Sequence[SeenPart]) -> SharedSheet:
+    """The sheet with the mean focal length of each camera in all of its photos."""
+    held = []
+    for part, own in zip(parts, sheet.held, strict=True):
+        logs = [
+            np.log(camera.focal)
+            for other, camera in zip(parts, sheet.held, strict=True)
+            if other.camera == part.camera
+        ]
+        held.append(replace(own, focal=float(np.exp(np.mean(logs)))))
+    return replace(sheet, held=tuple(held))
 
 
 class _SheetResiduals:
@@ -320,6 +332,23 @@ class _SheetResiduals:
         add(self._priors(sheet), np.arange(self.unknowns))
         return cost, A, g
 
+    def free_unknowns(self) -> Floats:
+        """How all unknowns depend on those that are free (unknowns, free).
+
+        The sheet's origin and unit are held by the first camera's anchor and unit: else the priors of the bends would
+        let the unit grow. Photos of one camera have one focal length.
+        """
+        T, first = np.eye(self.unknowns), self.shape
+        owners: dict[Hashable, int] = {}
+        dropped = [first + 3, first + 4, first + 5]
+        for k, part in enumerate(self.parts):
+            at = int(self._columns(k)[-1])
+            owner = owners.setdefault(part.camera, at)
+            if owner != at:
+                T[at, owner] = 1.0
+                dropped.append(at)
+        return np.delete(T, dropped, axis=1)
+
     def _ends(self, number: int, pair: SharedPoints) -> list[tuple[int, slice]]:
         return [(k, self.slices[k][number]) for k in (pair.a, pair.b)]
 
@@ -363,7 +392,11 @@ class _SheetResiduals:
         difference[:RIM_BENDS] = difference[len(difference) - RIM_BENDS :] = RIM_DIFFERENCE
         focal = [np.log(camera.focal) for camera in sheet.held]
         mean = [part.observed.log_focal for part in self.parts]
-        deviation = np.array([part.observed.focal_deviation for part in self.parts])
+        # What is known of a camera counts once, however many photos it took.
+        photos = Counter(part.camera for part in self.parts)
+        deviation = np.array(
+            [part.observed.focal_deviation * np.sqrt(photos[part.camera]) for part in self.parts]
+        )
         of_focal = eye[self.shape + CAMERA_UNKNOWNS - 1 :: CAMERA_UNKNOWNS]
         slant_rad = self.parts[0].parameters.slant_rad
         value = [

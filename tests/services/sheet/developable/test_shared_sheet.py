@@ -65,7 +65,7 @@ def part_of(sheet: SharedSheet, number: int, page: Points) -> SeenPart:
     lines = LineObservations(seen, index, np.full(len(seen), 2e-4), [], [], [], 0.02)
     log_focal = float(np.log(FOCALS[number]))
     observed = PageObservations(none, none, lines, seen[:3], log_focal, 0.1)
-    return SeenPart(observed, FittingParameters(cauchy_flows=True))
+    return SeenPart(observed, FittingParameters(cauchy_flows=True), number)
 
 
 def test_all_cameras_see_one_sheet() -> None:
@@ -129,3 +129,16 @@ def test_parts_with_common_points_show_the_sheet_that_none_shows_alone() -> None
     assert error(alone.sheet) > 2 * error(fitted.sheet)
     # The first camera holds the unit and the place of the sheet.
     assert fitted.sheet.held[0].unit == pytest.approx(start.held[0].unit)
+
+
+def test_photos_of_one_camera_have_one_focal_length() -> None:
+    true = shared_sheet(focals=(1.4, 1.4))
+    parts = [replace(part_of(true, k, page), camera="phone") for k, page in enumerate((UPPER, LOWER))]
+    shared = [SharedPoints(0, 1, see(true, 0, COMMON), see(true, 1, COMMON), 1e-4)]
+    start = shared_sheet(focals=(1.35, 1.5))
+    one = [held.focal for held in fit_shared_sheet(start, parts, shared).sheet.held]
+    assert one[0] == pytest.approx(one[1], rel=1e-12)
+    assert one[0] == pytest.approx(1.4, rel=0.01)
+    two = [replace(part, camera=k) for k, part in enumerate(parts)]
+    own = [held.focal for held in fit_shared_sheet(start, two, shared).sheet.held]
+    assert own[0] != pytest.approx(own[1], rel=1e-9)
