@@ -31,7 +31,11 @@ from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_h
 from services.sheet.developable.fitting import FittedSurface, rescale_deviations
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
-from services.sheet.developable.shared_sheet import (
+from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
+from services.sheet.framing import CurvedFrame, frame_curved_page
+from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
+from services.sheet.ridged.views import OtherCamera
+from services.sheet.shared_sheet import (
     SeenPart,
     SharedPoints,
     SharedSheet,
@@ -40,10 +44,6 @@ from services.sheet.developable.shared_sheet import (
     hold_camera,
     unit_of,
 )
-from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
-from services.sheet.framing import CurvedFrame, frame_curved_page
-from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
-from services.sheet.ridged.views import OtherCamera
 from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
 

@@ -19,13 +19,13 @@ from services.mosaic.placing.placement import Placement
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.sheet.curved_page import CurvedPage, describe_strips
 from services.sheet.developable.fitting import FittedSurface, SurfaceStart
-from services.sheet.developable.shared_sheet import SharedSheet
 from services.sheet.evidence import PageEvidence
 from services.sheet.framing import frame_curved_page
+from services.sheet.shared_sheet import SharedSheet
 from services.sheet.tracing.page_text import TracedText
 from tests.services.mosaic.placing.test_joint_sheet import POINTS
 from tests.services.sheet.developable.sheets import box
-from tests.services.sheet.developable.test_shared_sheet import (
+from tests.services.sheet.test_shared_sheet import (
     BENDS,
     LOWER,
     UPPER,

@@ -10,7 +10,8 @@ from benchmarks.common.residuals import similarity_residual
 from services.arrays import Points, Vector
 from services.sheet.developable.observations import LineObservations, PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
-from services.sheet.developable.shared_sheet import (
+from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherCamera
+from services.sheet.shared_sheet import (
     OF_BENDS,
     SeenPart,
     SharedPoints,
@@ -20,7 +21,6 @@ from services.sheet.developable.shared_sheet import (
     hold_camera,
     unit_of,
 )
-from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherCamera
 from services.texture_flow.field import FlowSamples
 from tests.services.sheet.developable.sheets import BASIS, SLANT_RAD, box, differences
 
