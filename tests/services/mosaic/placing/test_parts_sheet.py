@@ -12,9 +12,12 @@ from services.arrays import GrayImage, Points
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
+from services.mosaic import flattening
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
+from services.mosaic.flattening import FlatteningParameters
 from services.mosaic.placing.joint_sheet import JointSheet
 from services.mosaic.placing.parts_sheet import find_sheet_of_parts
+from services.mosaic.placing.placed_part import place_photos
 from services.mosaic.placing.placement import Placement
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.sheet.curved_page import CurvedPage, describe_strips
@@ -69,17 +72,24 @@ def flat_photo(index: int, true: SharedSheet, page: Points, taken: SharedSheet) 
     return replace(flat, page=SeenPage(shape, evidence, FocalPrior(part.log_focal, 0.1, "assumed")))
 
 
+def pair_of(
+    true: Sequence[SharedSheet], taken: Sequence[SharedSheet]
+) -> tuple[dict[int, FlatPhoto], PairRegistration]:
+    """An upper and a lower photo, and what they share."""
+    photos = {k: flat_photo(k, true[k], page, taken[k]) for k, page in enumerate((UPPER, LOWER))}
+    matched = [photos[k].frame.to_flat(VIEW.to_photo(see(true[k], k, COMMON))) for k in photos]
+    H, _ = cv2.findHomography(matched[1], matched[0])
+    H_a_b = np.asarray(H, np.float64)
+    weights = np.ones(len(COMMON))
+    return photos, PairRegistration(0, 1, H_a_b, matched[0], matched[1], weights, 900, 300, 9, 1.0)
+
+
 def sheet_of(
     true: Sequence[SharedSheet], taken: Sequence[SharedSheet]
 ) -> tuple[JointSheet | None, dict[int, FlatPhoto], dict[int, Placement]]:
     """The sheet of an upper and a lower photo; and the photos as they are placed by homographies."""
-    photos = {k: flat_photo(k, true[k], page, taken[k]) for k, page in enumerate((UPPER, LOWER))}
-    matched = [photos[k].frame.to_flat(VIEW.to_photo(see(true[k], k, COMMON))) for k in photos]
-    H, _ = cv2.findHomography(matched[1], matched[0])
-    placements = {0: Placement(np.eye(3)), 1: Placement(np.asarray(H, np.float64))}
-    pair = PairRegistration(
-        0, 1, placements[1].H_mosaic_flat, matched[0], matched[1], np.ones(len(COMMON)), 900, 300, 9, 1.0
-    )
+    photos, pair = pair_of(true, taken)
+    placements = {0: Placement(np.eye(3)), 1: Placement(pair.H_a_b)}
     return find_sheet_of_parts(photos, (pair,), placements), photos, placements
 
 
@@ -104,6 +114,23 @@ def test_the_sheet_joins_what_the_photos_own_surfaces_bend_apart() -> None:
         centred = see(true, k, COMMON)
         X = found.mesh.place(found.mesh.locate(see(true, 0, COMMON))).X
         assert np.nanmax(np.linalg.norm(camera.project(X) - centred, axis=1)) < 2e-3
+
+
+def test_photos_are_laid_on_the_sheet_whatever_the_size_of_their_views(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    true = shared_sheet()
+    photos, pair = pair_of((true, true), (true, shared_sheet(BENDS + CHANGE)))
+    small = replace(FlatteningParameters(), view_pixels=1e5)
+    monkeypatch.setattr(flattening, "FlatteningParameters", lambda: small)
+    part = place_photos(photos, (pair,), None)
+    assert part.joint is not None
+    assert max(photo.frame.width * photo.frame.height for photo in part.photos.values()) < 1.1e5
+    ends = [
+        part.placements[k].to_mosaic(part.photos[k].frame.to_flat(VIEW.to_photo(see(true, k, COMMON))))
+        for k in (0, 1)
+    ]
+    assert np.abs(ends[0] - ends[1]).max() < 0.1
 
 
 def test_a_page_that_was_bent_between_the_photos_is_not_one_sheet() -> None:
