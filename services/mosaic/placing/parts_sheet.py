@@ -35,15 +35,8 @@ from services.sheet.developable.surface import BendBasis, DevelopableSurface, be
 from services.sheet.framing import CurvedFrame, frame_curved_page
 from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
 from services.sheet.ridged.views import OtherCamera
-from services.sheet.shared_sheet import (
-    SeenPart,
-    SharedPoints,
-    SharedSheet,
-    camera_of,
-    fit_shared_sheet,
-    hold_camera,
-    unit_of,
-)
+from services.sheet.shared_fit import SeenPart, SharedPoints, fit_shared_sheet
+from services.sheet.shared_sheet import SharedSheet, camera_of, hold_camera, unit_of
 from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
 

@@ -11,16 +11,8 @@ from services.arrays import Points, Vector
 from services.sheet.developable.observations import LineObservations, PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherCamera
-from services.sheet.shared_sheet import (
-    OF_BENDS,
-    SeenPart,
-    SharedPoints,
-    SharedSheet,
-    _SheetResiduals,
-    fit_shared_sheet,
-    hold_camera,
-    unit_of,
-)
+from services.sheet.shared_fit import SeenPart, SharedPoints, _SheetResiduals, fit_shared_sheet
+from services.sheet.shared_sheet import OF_BENDS, SharedSheet, hold_camera, unit_of
 from services.texture_flow.field import FlowSamples
 from tests.services.sheet.developable.sheets import BASIS, SLANT_RAD, box, differences
 
