@@ -8,11 +8,12 @@ import hashlib
 import json
 import zlib
 from collections.abc import Mapping
-from typing import Any
+from typing import TypeVar, cast
 
 from models.errors import NotStorable, StoreDamaged
 
-Document = Mapping[str, Any]
+Document = Mapping[str, object]
+T = TypeVar("T")
 
 MAX_DOCUMENT_BYTES = 64 * 2**20
 """Bytes of JSON before compression. The limits for users are much lower."""
@@ -25,13 +26,16 @@ def encode_document(document: Document) -> bytes:
     return zlib.compress(_to_json(document, sort_keys=False), _LEVEL)
 
 
-def decode_document(stored: bytes) -> dict[str, Any]:
-    """The document, with the same key order and numbers. Raises `StoreDamaged` when the bytes are no document."""
-    return decode_measured(stored)[0]
+def decode_document(stored: bytes, shape: type[T]) -> T:
+    """The document, with the same key order and numbers; that it has this `shape` is known of its column, not checked.
+
+    Raises `StoreDamaged` when the bytes are no document.
+    """
+    return decode_measured(stored, shape)[0]
 
 
-def decode_measured(stored: bytes) -> tuple[dict[str, Any], int]:
-    """The document, and its bytes of JSON. Raises `StoreDamaged` when the bytes are no document."""
+def decode_measured(stored: bytes, _: type[T]) -> tuple[T, int]:
+    """The same, and its bytes of JSON."""
     try:
         unpacker = zlib.decompressobj()
         text = unpacker.decompress(stored, MAX_DOCUMENT_BYTES)
@@ -40,7 +44,7 @@ def decode_measured(stored: bytes) -> tuple[dict[str, Any], int]:
         raise StoreDamaged(f"a stored document cannot be read: {error}") from error
     if not unpacker.eof or not isinstance(document, dict):
         raise StoreDamaged("a stored document is cut off")
-    return document, len(text)
+    return cast(T, document), len(text)
 
 
 def digest_document(document: Document) -> str:

@@ -3,10 +3,31 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import NotRequired, TypedDict
 
 from models.documents import Document
 from models.records import Origin, ReviewDraft, UnknownPageDraft
+from services.contract.answers.learning import Verdict
+from services.contract.layout_learning import LessonJson
+from services.contract.model_json import ModelJson
+from services.contract.page_json import GivenZoneJson
+
+_Given = TypedDict("_Given", {"class": NotRequired[str | None]})
+
+
+class GivenJson(_Given):
+    """The body of a feedback: what a person said of a result."""
+
+    new_class: NotRequired[bool]
+    labels: dict[str, str | None]
+    texts: NotRequired[dict[str, str]]
+    zones: NotRequired[list[GivenZoneJson]]
+
+
+class ReportJson(TypedDict):
+    """`FeedbackReport`: the store reads of each recognized zone its label, its confidence, and whether it was right."""
+
+    verdicts: NotRequired[list[Verdict]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -14,7 +35,7 @@ class ModelChange:
     """A new document of a class, made from version `expected_version` (None: the class has no version yet)."""
 
     name: str
-    document: Document
+    document: ModelJson
     expected_version: int | None
 
 
@@ -64,7 +85,7 @@ class ModelUndo:
     """
 
     name: str
-    document: Document | None
+    document: ModelJson | None
     expected_version: int | None
     superseded: tuple[int, ...]
     changes: bool = True
@@ -88,7 +109,7 @@ class Lesson:
     """The lesson of a feedback (`FeedbackDraft.lesson`), and the versions of its models before and after it."""
 
     result_id: str
-    document: dict[str, Any]
+    document: LessonJson
     versions: Mapping[str, tuple[int | None, int]]
 
 
@@ -153,8 +174,8 @@ class StoredFeedback:
 
     id: str
     result_id: str
-    request: dict[str, Any]
-    report: dict[str, Any]
+    request: GivenJson
+    report: ReportJson
     versions: Mapping[str, tuple[int | None, int]]
     sample_id: str | None
     created_at: datetime

@@ -12,9 +12,11 @@ from models.errors import KeyReused, NotStorable
 from models.feedback_records import (
     FeedbackDraft,
     FeedbackSummary,
+    GivenJson,
     ModelChange,
     ModelHealth,
     ModelUndo,
+    ReportJson,
     StoredFeedback,
 )
 from models.lesson_repository import require_feedback_seen, revise_result, take_back
@@ -312,8 +314,8 @@ def _stored_feedback(session: Session, row: FeedbackRow, *, created: bool) -> St
     return StoredFeedback(
         id=row.id,
         result_id=row.result_id,
-        request=decode_document(row.request),
-        report=decode_document(row.report),
+        request=decode_document(row.request, GivenJson),
+        report=decode_document(row.report, ReportJson),
         versions=_versions_of(session, [row.id]).get(row.id, {}),
         sample_id=row.sample_id,
         created_at=row.created_at,

@@ -78,6 +78,21 @@ class JobBounds:
     most_input_bytes: int
 
 
+class DeliveryJson(TypedDict):
+    """A `Delivery` as it is stored."""
+
+    at: str
+    status: int | None
+    failure: str | None
+    seconds: float
+
+
+class DeliveriesJson(TypedDict):
+    """The log of the deliveries of a job's callback."""
+
+    log: list[DeliveryJson]
+
+
 @dataclass(frozen=True, slots=True)
 class Delivery:
     """One attempt to call a job's `callback_url`: the status of the answer (None: there was none), and what failed."""

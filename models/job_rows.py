@@ -1,6 +1,5 @@
 """Rows of jobs: as records, and what happens to a row when its job waits again or ends."""
 
-from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import Any, cast
 
@@ -10,7 +9,9 @@ from sqlalchemy.orm import Session
 from models.documents import decode_document, encode_document
 from models.job_records import (
     CHANGES,
+    DeliveriesJson,
     Delivery,
+    DeliveryJson,
     HeadJson,
     JobDraft,
     JobEnd,
@@ -80,7 +81,7 @@ def stored_job(row: JobRow | Row[Any]) -> StoredJob:
         id=row.id,
         owner=row.owner,
         operation=row.operation,
-        request=cast(RequestJson, decode_document(row.request)),
+        request=decode_document(row.request, RequestJson),
         input_key=row.input_key,
         state=cast(JobState, row.state),
         stage=row.stage,
@@ -90,10 +91,10 @@ def stored_job(row: JobRow | Row[Any]) -> StoredJob:
         created_at=row.created_at,
         started_at=row.started_at,
         ended_at=row.ended_at,
-        answer=None if row.answer is None else cast(HeadJson, decode_document(row.answer)),
+        answer=None if row.answer is None else decode_document(row.answer, HeadJson),
         answer_key=row.answer_key,
         answer_bytes=row.answer_bytes,
-        problem=None if row.problem is None else cast(ProblemJson, decode_document(row.problem)),
+        problem=None if row.problem is None else decode_document(row.problem, ProblemJson),
         callback_url=row.callback_url,
         deliveries=tuple(deliveries_of(row)),
     )
@@ -101,12 +102,20 @@ def stored_job(row: JobRow | Row[Any]) -> StoredJob:
 
 def deliveries_of(row: JobRow | Row[Any]) -> list[Delivery]:
     """The log of its callback's deliveries."""
-    noted = [] if row.deliveries is None else decode_document(row.deliveries)["log"]
-    return [Delivery(**{**each, "at": datetime.fromisoformat(each["at"])}) for each in noted]
+    noted = [] if row.deliveries is None else decode_document(row.deliveries, DeliveriesJson)["log"]
+    return [
+        Delivery(datetime.fromisoformat(each["at"]), each["status"], each["failure"], each["seconds"])
+        for each in noted
+    ]
 
 
-def _delivery_document(delivery: Delivery) -> dict[str, object]:
-    return {**asdict(delivery), "at": delivery.at.isoformat()}
+def _delivery_document(delivery: Delivery) -> DeliveryJson:
+    return {
+        "at": delivery.at.isoformat(),
+        "status": delivery.status,
+        "failure": delivery.failure,
+        "seconds": delivery.seconds,
+    }
 
 
 def add_delivery(row: JobRow, delivery: Delivery) -> None:

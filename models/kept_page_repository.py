@@ -14,6 +14,7 @@ from models.records import StoredPage
 from models.tables import KeptPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
+from services.contract.kept_pages import KeptPageJson
 
 
 class KeptPageRepository(Transactions):
@@ -43,7 +44,7 @@ class KeptPageRepository(Transactions):
             if row.expires_at <= self._clock():
                 raise _missing(page_id)
             return StoredPage(
-                row.id, decode_document(row.document), row.created_at, row.expires_at, row.owner
+                row.id, decode_document(row.document, KeptPageJson), row.created_at, row.expires_at, row.owner
             )
 
     def change_kept_page(self, page_id: str, document: Document) -> None:

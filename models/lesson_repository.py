@@ -37,6 +37,8 @@ from models.tables import (
     VersionRow,
 )
 from models.transactions import Transactions
+from services.contract.layout_learning import LessonJson
+from services.contract.result_json import StoredResultJson
 
 VersionMeta = Row[int, int | None, int | None, str, str]
 """version, parent, undone_by, origin, note"""
@@ -99,7 +101,7 @@ class LessonRepository(Transactions):
                 .where(FeedbackModelRow.feedback_id == feedback_id)
             )
             versions = {name: (old, new) for name, old, new in session.execute(links) if new is not None}
-            return Lesson(row.result_id, decode_document(row.lesson), versions)
+            return Lesson(row.result_id, decode_document(row.lesson, LessonJson), versions)
 
     def any_version(self, name: str, version: int) -> StoredModel:
         """A version of a class, also of a deleted one. Raises `ModelNotFound`."""
@@ -203,7 +205,7 @@ def revise_result(
     row, place = session.get(ResultRow, result_id), session.get(ReviewRow, result_id)
     if row is None:
         return
-    document = decode_document(row.document)
+    document = decode_document(row.document, StoredResultJson)
     found = recognized(document)
     if revised is not None:
         if RECOGNIZED not in document and place is not None:

@@ -25,8 +25,11 @@ from models.records import (
 )
 from models.tables import ModelRow, ResultRow, ReviewRow, SampleRow, StateRow, UnknownPageRow, VersionRow
 from models.ulid import is_ulid
-from services.contract.fields import MOST_FIELDS, FieldSetting
+from services.contract.fields import MOST_FIELDS, FieldSetting, FieldSettingJson
+from services.contract.html import HtmlElement
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
+from services.contract.model_json import ModelJson
+from services.contract.page_json import SampleJson
 
 READ_AT_ONCE = 8
 """Rows with documents; each has a few MB at most."""
@@ -202,16 +205,26 @@ def require_settings(name: str, settings: ModelSettings) -> None:
 
 
 def settings_of(row: ModelRow) -> ModelSettings:
-    fields = {} if row.fields is None else decode_document(row.fields)
+    fields = {} if row.fields is None else decode_document(row.fields, dict[str, FieldSettingJson])
     return ModelSettings(
         learner=cast(Learner, row.learner or DEFAULT_LEARNER),
         genre=row.genre,
         continues=row.continues,
-        fields={
-            label: FieldSetting(**{**each, "languages": tuple(each["languages"])})
-            for label, each in fields.items()
-        },
-        elements={} if row.elements is None else decode_document(row.elements),
+        fields={label: _field_setting(each) for label, each in fields.items()},
+        elements={} if row.elements is None else decode_document(row.elements, dict[str, HtmlElement]),
+    )
+
+
+def _field_setting(stored: FieldSettingJson) -> FieldSetting:
+    """The setting as a record; what an earlier release did not know has its default."""
+    return FieldSetting(
+        stored["type"],
+        stored.get("pattern"),
+        stored.get("order"),
+        tuple(stored["languages"]),
+        stored.get("region"),
+        stored.get("currency"),
+        stored.get("decimal"),
     )
 
 
@@ -223,7 +236,7 @@ def stored_model(row: ModelRow, samples: int, version: VersionRow | None) -> Sto
     return StoredModel(
         name=row.name,
         version=None if version is None else version.version,
-        document=None if version is None else decode_document(version.document),
+        document=None if version is None else decode_document(version.document, ModelJson),
         samples=samples,
         created_at=row.created_at,
         updated_at=row.updated_at,
@@ -235,7 +248,7 @@ def stored_model(row: ModelRow, samples: int, version: VersionRow | None) -> Sto
 def stored_sample(row: SampleRow, *, created: bool) -> StoredSample:
     return StoredSample(
         row.id,
-        decode_document(row.document),
+        decode_document(row.document, SampleJson),
         row.created_at,
         created,
         cast(SampleOrigin, row.origin),

@@ -4,12 +4,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import Enum
-from typing import Any, Final, Literal
+from typing import Final, Literal, cast
 
 from models.documents import Document
 from services.contract.fields import FieldSetting
 from services.contract.html import HtmlElement
+from services.contract.kept_pages import KeptPageJson
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
+from services.contract.model_json import ModelJson
+from services.contract.page_json import PageJson, SampleJson
+from services.contract.result_json import RecognizedJson, ResultJson, StoredResultJson
 
 MAX_NAME = 200
 """Characters of a class's name or of an idempotency key."""
@@ -74,7 +78,7 @@ class StoredModel:
 
     name: str
     version: int | None
-    document: dict[str, Any] | None
+    document: ModelJson | None
     samples: int
     created_at: datetime
     updated_at: datetime
@@ -101,7 +105,7 @@ class StoredSample:
     """
 
     id: str
-    document: dict[str, Any]
+    document: SampleJson
     created_at: datetime
     created: bool
     origin: SampleOrigin = "posted"
@@ -114,7 +118,7 @@ class StoredResult:
     """The result of a recognition, kept until `expires_at`. `pages` has the results of a document's pages."""
 
     id: str
-    document: dict[str, Any]
+    document: StoredResultJson
     created_at: datetime
     expires_at: datetime
     owner: str | None = None
@@ -126,7 +130,7 @@ class StoredPage:
     """A page whose photo is kept until `expires_at`."""
 
     id: str
-    document: dict[str, Any]
+    document: KeptPageJson
     created_at: datetime
     expires_at: datetime
     owner: str | None
@@ -145,7 +149,7 @@ class ListedResult:
     """
 
     id: str
-    result: dict[str, Any]
+    result: ResultJson
     stored_bytes: int
     created_at: datetime
     expires_at: datetime
@@ -174,9 +178,10 @@ RECOGNIZED = "recognized"
 """Key of a result's document with what was recognized, where a person has verified it since."""
 
 
-def recognized(document: Mapping[str, Any]) -> dict[str, Any]:
+def recognized(document: StoredResultJson) -> RecognizedJson:
     """`page` and `result` of a stored page as they were recognized, whatever a person has said since."""
-    return dict(document.get(RECOGNIZED) or {name: document.get(name) for name in ("page", "result")})
+    found = document.get("recognized") or {name: document.get(name) for name in ("page", "result")}
+    return cast(RecognizedJson, dict(found))
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,6 +248,6 @@ class StoredUnknownPage:
 
     id: str
     result_id: str
-    page: dict[str, Any]
+    page: PageJson
     created_at: datetime
     owner: str | None = None

@@ -23,6 +23,8 @@ from models.records import (
 from models.tables import FeedbackRow, ResultRow, UnknownPageRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
+from services.contract.page_json import PageJson
+from services.contract.result_json import StoredResultJson
 
 
 class ResultRepository(Transactions):
@@ -159,7 +161,7 @@ class ResultRepository(Transactions):
             row = session.get(ResultRow, result_id) if is_ulid(result_id) else None
             if row is None:
                 raise ResultNotFound(f"there is no result {result_id!r}, or no longer", result_id)
-            ids = [result_id, *decode_document(row.document).get("pages", ())]
+            ids = [result_id, *decode_document(row.document, StoredResultJson).get("pages", ())]
             session.execute(delete(UnknownPageRow).where(UnknownPageRow.result_id.in_(ids)))
             session.execute(delete(ResultRow).where(ResultRow.id.in_(ids)))
             self._list_change(session, None, result_id)
@@ -225,7 +227,7 @@ def _verdicts_of_row() -> tuple[ColumnElement[bool], ColumnElement[bool]]:
 
 def _each_listed(session: Session, wanted: Select[ResultRow, bool, bool]) -> Iterator[ListedResult]:
     for row, is_verified, is_corrected in session.execute(wanted.execution_options(yield_per=READ_AT_ONCE)):
-        document, size = decode_measured(row.document)
+        document, size = decode_measured(row.document, StoredResultJson)
         if "result" in document:  # a document's values are those of its pages
             found: ResultState = "confirmed" if is_verified else "open"
             found = "corrected" if is_corrected else found
@@ -237,8 +239,12 @@ def _each_listed(session: Session, wanted: Select[ResultRow, bool, bool]) -> Ite
 
 
 def _stored_result(row: ResultRow) -> StoredResult:
-    return StoredResult(row.id, decode_document(row.document), row.created_at, row.expires_at, row.owner)
+    return StoredResult(
+        row.id, decode_document(row.document, StoredResultJson), row.created_at, row.expires_at, row.owner
+    )
 
 
 def _unknown_page(row: UnknownPageRow) -> StoredUnknownPage:
-    return StoredUnknownPage(row.id, row.result_id, decode_document(row.document), row.created_at, row.owner)
+    return StoredUnknownPage(
+        row.id, row.result_id, decode_document(row.document, PageJson), row.created_at, row.owner
+    )

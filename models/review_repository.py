@@ -13,13 +13,12 @@ from sqlalchemy.orm import Session
 from models.clocks import latest
 from models.documents import Document, decode_document, encode_document
 from models.errors import Claimed, ResultNotFound
+from models.feedback_records import ReportJson
 from models.records import Review, ReviewDraft, ReviewOrder, ReviewState, StoredAuditEntry
 from models.tables import AuditRow, FeedbackRow, ResultRow, ReviewRow
 from models.transactions import Transactions
-
-Verdict = tuple[str | None, float, bool]
-"""Found label of a zone, its confidence, and whether a person found it right."""
-
+from services.contract.answers.learning import Verdict
+from services.contract.result_json import StoredResultJson
 
 _IS_VERIFIED = select(FeedbackRow.id).where(FeedbackRow.result_id == ReviewRow.result_id).exists()
 
@@ -114,7 +113,9 @@ class ReviewRepository(Transactions):
             row.claimed_until = now + timedelta(seconds=ttl_s)
             return row.claim, row.claimed_until
 
-    def reviews_behind(self, class_name: str, version: int, ahead: int, most: int) -> dict[str, Document]:
+    def reviews_behind(
+        self, class_name: str, version: int, ahead: int, most: int
+    ) -> dict[str, StoredResultJson]:
         """Documents of results, by id, whose places in the queue are from an older version of their class's model.
 
         They are among the `ahead` pages of the class with the largest gain that are open and not claimed; `most` at
@@ -141,7 +142,9 @@ class ReviewRepository(Transactions):
         with self._reading() as session:
             behind = [id for id, known in session.execute(first) if known is not None and known < version]
             documents = select(ResultRow.id, ResultRow.document).where(ResultRow.id.in_(behind[:most]))
-            return {id: decode_document(document) for id, document in session.execute(documents)}
+            return {
+                id: decode_document(document, StoredResultJson) for id, document in session.execute(documents)
+            }
 
     def place_reviews(self, places: Mapping[str, ReviewDraft], version: int) -> None:
         """New gains and confidences of pages by id, from this version of their class's model.
@@ -200,7 +203,7 @@ class ReviewRepository(Transactions):
             rows = session.execute(wanted).all()
         verdicts: dict[str, list[Verdict]] = {}  # of each result those of the newest feedback
         for result_id, report in rows:
-            of_result = decode_document(report).get("verdicts", [])
+            of_result = decode_document(report, ReportJson).get("verdicts", [])
             if of_result and result_id not in verdicts:
                 verdicts[result_id] = [(label, confidence, right) for label, confidence, right in of_result]
         return [verdict for of_result in verdicts.values() for verdict in of_result]

@@ -4,17 +4,18 @@ from collections.abc import Callable
 
 from sqlalchemy import func, select
 
-from models.documents import Document, decode_document
+from models.documents import decode_document
 from models.queries import READ_AT_ONCE, review_of
 from models.records import ReviewDraft
 from models.tables import FeedbackModelRow, FeedbackRow, ResultRow, ReviewRow
 from models.transactions import Transactions
+from services.contract.result_json import ResultJson, StoredResultJson
 
 
 class UpgradeRepository(Transactions):
     """What an older release stored without the things that this one needs."""
 
-    def queue_results(self, place: Callable[[Document], ReviewDraft]) -> int:
+    def queue_results(self, place: Callable[[ResultJson], ReviewDraft]) -> int:
         """Put kept results of pages that are not in the review queue into it; their number.
 
         Releases before schema 0006 had no queue. `place` returns a result's place in it.
@@ -27,7 +28,7 @@ class UpgradeRepository(Transactions):
             for at in range(0, len(ids), READ_AT_ONCE):
                 rows = select(ResultRow).where(ResultRow.id.in_(ids[at : at + READ_AT_ONCE]))
                 for row in session.execute(rows).scalars():
-                    result = decode_document(row.document).get("result")
+                    result = decode_document(row.document, StoredResultJson).get("result")
                     if result is None:  # a document is reviewed by its pages
                         continue
                     count += 1

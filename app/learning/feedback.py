@@ -21,7 +21,7 @@ import random
 from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
-from typing import Any
+from typing import cast
 
 from app.engine.base import Busy, JobTimedOut
 from app.learning.given_feedback import GivenFeedback, given_feedback
@@ -33,7 +33,7 @@ from app.schemas.layout_feedback import FeedbackBody
 from app.state import AppState
 from app.storage.layout_store import document_of, labels_of
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
-from models.feedback_records import FeedbackDraft, ModelChange, ModelUndo, StoredFeedback
+from models.feedback_records import FeedbackDraft, GivenJson, ModelChange, ModelUndo, StoredFeedback
 from models.records import ModelSettings, StoredSample
 from models.repository import Store
 from services.contract.answers.learning import FeedbackReport, FoundAndVerified
@@ -41,6 +41,7 @@ from services.contract.answers.page import Warning
 from services.contract.layout import ModelDocument
 from services.contract.layout_learning import Adaptation, Correction, VerifiedPage
 from services.contract.page_json import PageJson
+from services.contract.result_json import ResultJson
 from services.errors import InvalidOption
 
 MOST_TRIES = 32
@@ -73,7 +74,7 @@ async def learn_from_feedback(
     Busy
         When other processes keep writing versions of the same models.
     """
-    request = body.model_dump(by_alias=True, include=body.model_fields_set | {"labels"})
+    request = cast(GivenJson, body.model_dump(by_alias=True, include=body.model_fields_set | {"labels"}))
     earlier = await state.store.call(lambda store: store.find_feedback(result_id, key, request))
     if earlier is not None:
         return earlier
@@ -146,7 +147,7 @@ NOTHING_LEARNED = Warning(
 )
 
 
-async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptation) -> dict[str, Any]:
+async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptation) -> ResultJson:
     """The result as the person has verified it."""
     name, found = given.verified.verified_class, given.recognized["result"]
     settings = await state.store.call(lambda store: _settings_of(store, name))

@@ -1,18 +1,25 @@
 """What a person said of a stored result: the body of a feedback, joined with the result to the verified page."""
 
-from collections.abc import Mapping, Set
+from collections.abc import Set
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import cast
 
 from app.learning.labelled_pages import layout_settings
 from app.review.decisions import verdicts_of
 from app.schemas.layout import known_result
 from app.schemas.layout_feedback import FeedbackBody
 from app.state import AppState
+from models.feedback_records import GivenJson
 from models.records import RECOGNIZED, recognized
-from services.contract.answers.learning import GivenText
+from services.contract.answers.learning import GivenText, Verdict
 from services.contract.layout_learning import Adaptation, VerifiedPage
-from services.contract.page_json import PageJson
+from services.contract.page_json import GivenZoneJson, PageJson
+from services.contract.result_json import (
+    LabelledZoneJson,
+    RecognizedJson,
+    ResultJson,
+    StoredResultJson,
+)
 from services.errors import InvalidOption
 
 _MOST_NAMED = 20
@@ -29,16 +36,16 @@ class GivenFeedback:
 
     result_id: str
     key: str | None
-    request: dict[str, Any]
+    request: GivenJson
     owner: str | None
     seen: Set[str]
-    document: Mapping[str, Any]
+    document: StoredResultJson
     verified: VerifiedPage[PageJson]
-    zones: list[dict[str, Any]]
+    zones: list[LabelledZoneJson]
     texts: list[GivenText]
 
     @property
-    def recognized(self) -> Mapping[str, Any]:
+    def recognized(self) -> RecognizedJson:
         """Page and result of the recognition."""
         return recognized(self.document)
 
@@ -58,7 +65,7 @@ class GivenFeedback:
         """Whether the verified class may be made."""
         return bool(self.request.get("new_class"))
 
-    def verdicts(self, adaptation: Adaptation) -> list[list[Any]]:
+    def verdicts(self, adaptation: Adaptation) -> list[Verdict]:
         """What the person said of the zones that were recognized."""
         verified = self.verified
         kept = {str(zone["id"]) for zone in verified.page["zones"]}
@@ -72,7 +79,7 @@ async def given_feedback(
     state: AppState,
     result_id: str,
     key: str | None,
-    request: dict[str, Any],
+    request: GivenJson,
     body: FeedbackBody,
     owner: str | None,
 ) -> GivenFeedback:
@@ -94,7 +101,7 @@ async def given_feedback(
         return given
     zones = _zones_with_texts(document, body)
     if body.zones is not None:
-        zones = [zone.model_dump(exclude_none=True) for zone in body.zones]
+        zones = [cast(GivenZoneJson, zone.model_dump(exclude_none=True)) for zone in body.zones]
     revised = await state.engine.submit(
         state.operations.revise_page, document["page"], zones, layout_settings(state.settings)
     )
@@ -107,7 +114,7 @@ async def given_feedback(
     return replace(given, verified=verified, zones=revised.zones, texts=revised.texts)
 
 
-def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[dict[str, Any]]:
+def _zones_with_texts(document: StoredResultJson, body: FeedbackBody) -> list[GivenZoneJson]:
     """All zones of a result in reading order, with the labels and the texts that the person gave.
 
     Raises
@@ -135,7 +142,7 @@ def _zones_with_texts(document: Mapping[str, Any], body: FeedbackBody) -> list[d
     ]
 
 
-def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPage[PageJson]:
+def verified_page(document: StoredResultJson, body: FeedbackBody) -> VerifiedPage[PageJson]:
     """The page of a stored result, with the feedback applied to what the result shows; drawn zones are not in it yet.
 
     Raises
@@ -176,15 +183,15 @@ def verified_page(document: Mapping[str, Any], body: FeedbackBody) -> VerifiedPa
     return VerifiedPage(document["page"], found_class, found_labels, verified_class, labels, found_page)
 
 
-def _class_of(result: Mapping[str, Any]) -> str | None:
+def _class_of(result: ResultJson) -> str | None:
     return None if result["class"] is None else result["class"]["name"]
 
 
-def _places(page: Mapping[str, Any]) -> dict[str, Any]:
+def _places(page: PageJson) -> dict[str, list[float]]:
     return {str(zone["id"]): zone["box"] for zone in page["zones"]}
 
 
-def _require_single_page(document: Mapping[str, Any]) -> None:
+def _require_single_page(document: StoredResultJson) -> None:
     if "page" not in document:
         pages = ", ".join(document["pages"][:_MOST_NAMED])
         raise InvalidOption(

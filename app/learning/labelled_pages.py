@@ -1,10 +1,9 @@
 """Labelled pages in requests: their upload, their limits, and counts of their labels."""
 
 from collections import Counter
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import Any
 
 from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
@@ -13,6 +12,7 @@ from app.http.ocr_languages import chosen_language
 from app.settings import Settings
 from services.contract.images import DocumentLimits
 from services.contract.layout import LayoutSettings
+from services.contract.page_json import PageJson
 from services.errors import DocumentError, InvalidOption, TooLarge
 
 LABELLED_PAGE_BODY = {
@@ -151,10 +151,10 @@ async def read_upload(image: UploadFile) -> bytes:
     return await image.read()
 
 
-def count_labels(documents: Iterable[Mapping[str, Any]]) -> dict[str, int]:
+def count_labels(documents: Iterable[PageJson]) -> dict[str, int]:
     """Number of zones of these pages with each label, most frequent first."""
     labels = Counter(
-        zone["label"] for page in documents for zone in page["zones"] if zone.get("label") is not None
+        label for page in documents for zone in page["zones"] if (label := zone.get("label")) is not None
     )
     return dict(labels.most_common())
 

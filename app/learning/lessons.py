@@ -1,16 +1,17 @@
 """One lesson: models learn from one verified page in a worker, and the documents that come back."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 from app.engine.base import TimeLimit
 from app.learning.labelled_pages import layout_settings
 from app.state import AppState
 from models.records import StoredSample
 from services.contract.layout import ModelDocument
-from services.contract.layout_learning import Adaptation, Learner, VerifiedPage
+from services.contract.layout_learning import Adaptation, Learner, LessonJson, VerifiedPage
+from services.contract.model_json import ModelJson
 from services.contract.page_json import PageJson
 
 
@@ -19,7 +20,7 @@ class Taught:
     """What a verified page has done: the answer of the worker, and the new documents of all models by name."""
 
     adaptation: Adaptation
-    documents: dict[str, dict[str, Any]]
+    documents: dict[str, ModelJson]
 
 
 async def teach(
@@ -50,23 +51,24 @@ async def teach(
 
 def lesson_document(
     verified: VerifiedPage[PageJson], adaptation: Adaptation, models: Sequence[ModelDocument]
-) -> dict[str, Any] | None:
+) -> LessonJson | None:
     """The lesson as it is stored, with the labels of all zones; None for a page without zones: it teaches nothing."""
     if not adaptation.zones:
         return None
-    found = {} if verified.found_page is None else {"found_page": verified.found_page}
-    return {
+    lesson: LessonJson = {
         "page": verified.page,
-        **found,
         "found_class": verified.found_class,
         "found_labels": verified.found_labels,
         "verified_class": verified.verified_class,
         "labels": {str(zone["id"]): zone.get("label") for zone in adaptation.sample["zones"]},
         "learners": {model.name: model.learner for model in models},
     }
+    if verified.found_page is not None:
+        lesson["found_page"] = verified.found_page
+    return lesson
 
 
-def lesson_page(lesson: Mapping[str, Any]) -> VerifiedPage[PageJson]:
+def lesson_page(lesson: LessonJson) -> VerifiedPage[PageJson]:
     """The verified page of a stored lesson."""
     return VerifiedPage(
         lesson["page"],

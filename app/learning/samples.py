@@ -50,7 +50,8 @@ def newest_samples(store: Store, name: str, without_results: Container[str] = ()
         if sample.result_id is not None and sample.result_id in without_results:
             continue
         page = sample.document["zones"]
-        found = (sample.document.get("found") or {}).get("zones", [])
+        second = sample.document.get("found")
+        found = [] if second is None else second["zones"]
         zones += max(len(page), len(found))
         characters += sum(len(zone.get("text") or "") for zone in (*page, *found))
         if samples and (zones > MOST_ZONES or characters > MOST_CHARACTERS):

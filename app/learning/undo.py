@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from graphlib import TopologicalSorter
-from typing import Any
 
 from app.engine.base import Busy, JobTimedOut, TimeLimit
 from app.learning.labelled_pages import layout_settings
@@ -24,6 +23,7 @@ from models.feedback_records import FeedbackUndo, Lesson, ModelPast, ModelStep, 
 from models.records import StoredSample
 from models.repository import Store
 from services.contract.layout import ModelDocument
+from services.contract.model_json import ModelJson
 from services.errors import DocumentError
 
 MOST_REPEATED = 200
@@ -31,7 +31,7 @@ MOST_REPEATED = 200
 MOST_TRIES = 8
 """Largest number of tries; a try fails when another process writes a version of a model at the same time."""
 
-Documents = dict[str, dict[str, Any] | None]
+Documents = dict[str, ModelJson | None]
 """Documents of models by name; None: the model has no version."""
 
 

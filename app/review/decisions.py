@@ -10,20 +10,19 @@ where errors of one page belong together the true certainty is lower. A class wi
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 from app.schemas.layout import known_result
 from models.records import ReviewDraft
 from services.contract.answers.layout import Decision, DecisionReason, LayoutResult
+from services.contract.answers.learning import Verdict
+from services.contract.result_json import ResultJson
 
 CERTAINTY = 0.95
 CANDIDATES = (0.999, 0.99, 0.97, 0.9, 0.8, 0.5, 0.0)
 """Confidences among which a threshold is chosen; each one more costs evidence, ln(number) / error zones."""
 EVIDENCE = 400
 """Newest feedbacks of a class from which its threshold is computed: older ones are of older models."""
-
-Verdict = tuple[str | None, float, bool]
-"""Found label of a zone, its confidence, and whether a person found it right."""
 
 
 def read_tolerated_errors(text: str) -> dict[str, float]:
@@ -85,7 +84,7 @@ def joint_confidences(result: LayoutResult) -> dict[str, float]:
 
 def verdicts_of(
     result: LayoutResult, wrong: Collection[str], kept: Collection[str], *, class_is_right: bool
-) -> list[list[Any]]:
+) -> list[Verdict]:
     """What a feedback says of the zones of a result, for later decisions.
 
     `wrong` are ids of zones with a wrong label, `kept` those of the zones that the person did not delete.
@@ -94,11 +93,11 @@ def verdicts_of(
         return []
     confidences = joint_confidences(result)
     return [
-        [
+        (
             zone.label,
             round(confidences[zone.id], 5),
             class_is_right and zone.id in kept and zone.id not in wrong,
-        ]
+        )
         for zone in result.zones
     ]
 
@@ -167,7 +166,7 @@ def place_in_queue(result: LayoutResult) -> ReviewDraft:
     )
 
 
-def place_of_stored(result: Mapping[str, Any]) -> ReviewDraft:
+def place_of_stored(result: ResultJson) -> ReviewDraft:
     """The same for a result as the store keeps it; first comes what an old release has stored in another form."""
     known = known_result(result)
     if known is None:
@@ -176,6 +175,6 @@ def place_of_stored(result: Mapping[str, Any]) -> ReviewDraft:
     return place_in_queue(known)
 
 
-def place_of_verified(result: Mapping[str, Any]) -> ReviewDraft:
+def place_of_verified(result: ResultJson) -> ReviewDraft:
     """The same for a stored result that a person has verified: nothing of it is unsure."""
     return replace(place_of_stored(result), gain=0.0, confidence=1.0)

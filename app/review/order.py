@@ -6,9 +6,8 @@ A page can teach less once a page like it was corrected, so the order of the fir
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from typing import Any
 
 from app.engine.base import Engine
 from app.learning.labelled_pages import layout_settings
@@ -19,6 +18,7 @@ from app.storage.layout_store import LayoutStore
 from models.errors import StoreError
 from models.records import RECOGNIZED
 from services.contract.operations import Operations
+from services.contract.result_json import StoredResultJson
 from services.errors import DocumentError
 
 log = logging.getLogger(__name__)
@@ -56,7 +56,7 @@ class ReviewOrder:
             with suppress(asyncio.CancelledError):
                 await task
 
-    async def recognize_again(self, document: Mapping[str, Any]) -> dict[str, Any] | None:
+    async def recognize_again(self, document: StoredResultJson) -> StoredResultJson | None:
         """The document of a result with another recognition of its page; None if no newer model competes for it.
 
         A page that a person has verified is not recognized again. A page of a document keeps the document's class.
@@ -66,8 +66,10 @@ class ReviewOrder:
         DocumentError
             When no worker can do it now.
         """
-        result = document.get("result", {})
-        if not self._settings.workers or RECOGNIZED in document or not result.get("classes"):
+        if not self._settings.workers or RECOGNIZED in document or "result" not in document:
+            return None
+        result = document["result"]
+        if not result.get("classes"):
             return None
         ready = await self._store.ready()
         models = [

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -37,7 +37,7 @@ from models.records import StoredPage
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, SeveralFormat
-from services.contract.kept_pages import KeptPage, PageReading, PageWish
+from services.contract.kept_pages import FlatJson, KeptPage, KeptPageJson, PageReading, PageWish
 
 router = APIRouter(prefix="/pages", tags=["pages"])
 
@@ -58,7 +58,7 @@ async def keep_photos(state: AppState, caller: Caller, reply: PageReply, names: 
     described = [reply.answer] if isinstance(reply.answer, MosaicResult) else flat_pages(reply)
     kept = [(page, each) for page, each in zip(described, reply.kept, strict=False) if each is not None]
     of_all = len(names) != len(described)
-    documents = [
+    documents: list[KeptPageJson] = [
         {**each.document, "bytes": len(each.bundle), "name": names[0 if of_all else number]}
         for number, (_, each) in enumerate(kept)
     ]
@@ -102,13 +102,13 @@ async def kept_page(state: AppState, page: StoredPage) -> KeptPage:
 async def show_page(request: Request, state: State, id: str) -> Response:
     """The description of a kept page, by what was said of it last."""
     page = await own_page(request, state, id)
-    return await answer_json(partial(RectifyResult.model_validate, described(page)))
+    return await answer_json(partial(described, page))
 
 
-def described(page: StoredPage) -> dict[str, Any]:
-    """The `RectifyResult` of a kept page."""
+def described(page: StoredPage) -> RectifyResult:
+    """The description of a kept page."""
     answer = page.document.get("shown", page.document["answer"])
-    return {**answer, "page_id": page.id, "timings_ms": {}, "text": None}
+    return RectifyResult.model_validate({**answer, "page_id": page.id, "timings_ms": {}, "text": None})
 
 
 @router.get(
@@ -170,12 +170,18 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     bundle_bytes = len(changed.bundle) or page.document["bytes"]
     (answer,) = flat_pages(reply)
     answer.page_id = id
-    shown = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type", "text"})
-    document = {**changed.document, "bytes": bundle_bytes, "name": page.document["name"], "shown": shown}
+    dumped = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type", "text"})
+    shown = cast(FlatJson, dumped)
+    document: KeptPageJson = {
+        **changed.document,
+        "bytes": bundle_bytes,
+        "name": page.document["name"],
+        "shown": shown,
+    }
     if asked.wish == PageWish():
         # Only read or shown: what a person has said meanwhile stays.
         page = await own_page(request, state, id)
-        document = {**page.document, **({"text": document["text"]} if reading else {})}
+        document = {**page.document, "text": document["text"]} if reading else page.document
     if changed.bundle:
         await state.photos.forget([id])
         await state.photos.keep({id: changed.bundle})

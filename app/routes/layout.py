@@ -25,7 +25,7 @@ from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.document_uploads import check_not_empty, document_limits, document_time_limit
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
-from app.schemas.layout import LayoutForm, parse_names, stored_form
+from app.schemas.layout import LayoutForm, parse_names, stored_form, stored_whole
 from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
 from app.state import AppState, State
@@ -194,7 +194,7 @@ async def _answer_document(
     whole.file_name = names[0]
     for page in reply.pages:
         page.answer.file_name = names[page.upload]
-    document = stored_form(whole)
+    document = stored_whole(whole)
     pages = await asyncio.to_thread(lambda: [stored_form(page.answer) for page in reply.pages])
     whole.id, page_ids = await state.store.keep_document(
         {"document": document},

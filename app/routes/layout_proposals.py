@@ -154,9 +154,7 @@ def _read_all(store: Store, caller: Caller) -> tuple[list[PageDocument], dict[st
     classes = {}
     for name in names[: MOST_SAMPLES_TOGETHER // LEAST_SAMPLES]:
         newest = islice(store.each_sample(name, newest_first=True), each)
-        classes[name] = [PageDocument(sample.id, cast(SampleJson, sample.document)) for sample in newest][
-            ::-1
-        ]
+        classes[name] = [PageDocument(sample.id, sample.document) for sample in newest][::-1]
     return unknown, classes
 
 

@@ -2,9 +2,9 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -24,6 +24,7 @@ from models.repository import Store
 from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.html import HtmlElement
 from services.contract.layout import MEDIA_TYPES, KeptResult, LayoutFormat
+from services.contract.result_json import ResultJson
 
 router = APIRouter(tags=["layout"])
 
@@ -124,15 +125,16 @@ async def _kept_result(
     result = kept.document["result"]
     elements = await state.store.call(lambda store: _elements_of(store, result))
     picture = b""
-    if chosen in ("html", "png") and result.get("image") is not None:
+    image = result.get("image")
+    if chosen in ("html", "png") and image is not None:
         try:
-            picture = await state.images.picture(kept.id, result["image"]["bytes"])
+            picture = await state.images.picture(kept.id, image["bytes"])
         except ResultNotFound:  # it gave way to newer pictures
             picture = b""
     return KeptResult(result, kept.document["page"], image_name, picture, elements)
 
 
-def _elements_of(store: Store, result: Mapping[str, Any]) -> dict[str, HtmlElement]:
+def _elements_of(store: Store, result: ResultJson) -> dict[str, HtmlElement]:
     """The elements that settings name: of the document's class, then of the model that gave the labels."""
     of_labels = result["class"] or next(iter(result["classes"]), None)
     elements: dict[str, HtmlElement] = {}

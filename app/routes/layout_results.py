@@ -26,6 +26,7 @@ from app.schemas.options import Absent
 from app.state import State
 from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
 from models.repository import Store, cursor_of
+from services.contract.result_json import ResultJson
 
 router = APIRouter(tags=["layout"])
 
@@ -137,6 +138,10 @@ def _read(
     return known, results, cursor_of(reviews[limit - 1], order) if len(reviews) > limit else None
 
 
+_LISTED = ("file_name", "class", "fields")
+"""Of a result: what a list has of it."""
+
+
 def _first_of(
     results: Iterator[ListedResult], limit: int, rows: ListRows = "values"
 ) -> tuple[list[ListedResult], bool]:
@@ -153,10 +158,8 @@ def _first_of(
         if is_full and not goes_on:
             return found, True
         size += each.stored_bytes
-        listed: dict[str, Any] = {
-            name: each.result[name] for name in ("file_name", "class", "fields") if name in each.result
-        }
-        found.append(replace(each, result=listed))
+        listed = {name: value for name, value in each.result.items() if name in _LISTED}
+        found.append(replace(each, result=cast(ResultJson, listed)))
     return found, False
 
 

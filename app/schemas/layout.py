@@ -1,8 +1,7 @@
 """The form of POST /layout, and its answers as the store keeps them."""
 
 import re
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
@@ -10,6 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch
 from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.layout import LayoutFormat
+from services.contract.result_json import ClassJson, FoundClassJson, ResultJson, WholeResultJson
 
 MODEL_NAME_PATTERN = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,59}$"
 MOST_NAMES = 200
@@ -107,24 +107,25 @@ class LayoutForm(BaseModel):
     callback_url: CallbackUrl = None
 
 
-def document_of(document: dict[str, Any], result_id: str, pages: list[LayoutResult]) -> DocumentResult:
+def document_of(document: WholeResultJson, result_id: str, pages: list[LayoutResult]) -> DocumentResult:
     """Validated response for a worker's or the store's `document`, with its id and the results of its pages.
 
     Where a person has corrected the class of the first page, it is that of the document.
     """
     first = pages[0] if pages else None
     if first is not None and first.found is not None:
-        chosen = None if first.class_ is None else first.class_.model_dump()
-        if chosen is not None:
+        chosen: ClassJson | None = None
+        if first.class_ is not None:
+            chosen = cast(ClassJson, first.class_.model_dump())
             chosen["name"] = first.document_class or chosen["name"]
         known = document["class"]
         chance = document["unknown_probability"] if known is None else known["probability"]
-        found = {"class": None if known is None else known["name"], "probability": chance}
+        found: FoundClassJson = {"class": None if known is None else known["name"], "probability": chance}
         document = {**document, "class": chosen, "found": found}
     return DocumentResult.model_validate({"id": result_id, "pages": pages, **document})
 
 
-def known_result(document: Mapping[str, Any]) -> LayoutResult | None:
+def known_result(document: ResultJson) -> LayoutResult | None:
     """The answer that the store keeps, with an empty id; None where an old release has stored it in another form."""
     try:
         return result_of(document, "")
@@ -132,11 +133,16 @@ def known_result(document: Mapping[str, Any]) -> LayoutResult | None:
         return None
 
 
-def stored_form(answer: LayoutResult | DocumentResult) -> dict[str, Any]:
-    """The answer as the store keeps it: without its id, and without the pages of a document."""
-    return answer.model_dump(mode="json", exclude={"id", "pages"})
+def stored_form(answer: LayoutResult) -> ResultJson:
+    """The answer as the store keeps it: without its id."""
+    return cast(ResultJson, answer.model_dump(mode="json", exclude={"id"}))
 
 
-def result_of(document: Mapping[str, Any], result_id: str) -> LayoutResult:
+def stored_whole(answer: DocumentResult) -> WholeResultJson:
+    """The answer about a document as the store keeps it: without its id, and without its pages."""
+    return cast(WholeResultJson, answer.model_dump(mode="json", exclude={"id", "pages"}))
+
+
+def result_of(document: ResultJson, result_id: str) -> LayoutResult:
     """Validated response for a worker's or the store's `document`, with its id."""
     return LayoutResult.model_validate({"id": result_id, **document})

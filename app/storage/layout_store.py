@@ -11,7 +11,7 @@ from contextlib import asynccontextmanager
 from contextvars import copy_context
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from app.review.decisions import EVIDENCE, decide, place_of_stored
 from app.storage.backup_note import write_note
@@ -20,8 +20,11 @@ from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
 from services.contract.answers.layout import Decision, LayoutResult
+from services.contract.kept_pages import KeptPageJson
 from services.contract.layout import MOST_MODEL_BYTES, ModelDocument
+from services.contract.model_json import ModelJson
 from services.contract.page_json import PageJson
+from services.contract.result_json import StoredResultJson
 from services.errors import InvalidOption
 from services.heap import release_freed_memory
 
@@ -232,7 +235,7 @@ class LayoutStore:
         verdicts = await self.call(lambda store: store.verdicts(name, EVIDENCE))
         return await asyncio.to_thread(decide, result, verdicts, tolerated)
 
-    async def keep_result(self, document: dict[str, Any], owner: str | None = None) -> str:
+    async def keep_result(self, document: StoredResultJson, owner: str | None = None) -> str:
         """Store a recognition result of `owner` and return its id.
 
         A page that fits no class is also stored as an unknown page.
@@ -248,7 +251,7 @@ class LayoutStore:
         return result_id
 
     async def keep_document(
-        self, document: dict[str, Any], pages: Sequence[dict[str, Any]], owner: str | None = None
+        self, document: StoredResultJson, pages: Sequence[StoredResultJson], owner: str | None = None
     ) -> tuple[str, list[str]]:
         """Store a document's result and those of its pages in one transaction; their ids."""
 
@@ -260,10 +263,10 @@ class LayoutStore:
         await self._purge_when_due(1 + len(pages))
         return ids
 
-    def _draft(self, document: dict[str, Any], owner: str | None) -> ResultDraft:
+    def _draft(self, document: StoredResultJson, owner: str | None) -> ResultDraft:
         unknown = self.unknown_page(document["page"], owner) if _is_unknown(document) else None
-        result = document.get("result", {})
-        review = place_of_stored(result) if "zones" in result else None
+        result = document.get("result")
+        review = None if result is None or "zones" not in result else place_of_stored(result)
         return ResultDraft(document, unknown, owner, review)
 
     async def _purge_when_due(self, new: int) -> None:
@@ -286,7 +289,7 @@ class LayoutStore:
         store.purge_results(keep_newest=self._results.max_results)
         store.purge_kept_pages(keep_newest=self._results.max_results)
 
-    async def keep_pages(self, documents: Sequence[dict[str, Any]], owner: str | None) -> list[str]:
+    async def keep_pages(self, documents: Sequence[KeptPageJson], owner: str | None) -> list[str]:
         """Store what is known of photos of `owner` that are kept; the ids of their pages."""
         ids = await self.call(lambda store: store.add_kept_pages(documents, self._results.ttl_s, owner))
         await self._purge_when_due(len(ids))
@@ -297,9 +300,11 @@ class LayoutStore:
         return UnknownPageDraft(page, self._results.max_unknown_pages, self._results.unknown_ttl_s, owner)
 
 
-def _is_unknown(document: Mapping[str, Any]) -> bool:
+def _is_unknown(document: StoredResultJson) -> bool:
     """Whether models competed for this page, and none was likely enough."""
-    result, page = document.get("result", {}), document.get("page", {})
+    result, page = document.get("result"), document.get("page")
+    if result is None or page is None:
+        return False
     return bool(result.get("classes")) and result.get("class") is None and bool(page.get("zones"))
 
 
@@ -335,7 +340,7 @@ def _read_ready(store: Store, known: Mapping[str, ReadyModel]) -> dict[str, Read
                 continue
             assert model.document is not None
             # The sufficient statistics are used by learning only. They are half of the document.
-            recognizing = replace(model, document=model.document | {"memory": None})
+            recognizing = replace(model, document={**model.document, "memory": None})
             newest = ReadyModel(document_of(recognizing), labels_of(model.document))
         # Settings belong to the model, not to the version: they may have changed.
         settings = summary.settings
@@ -367,11 +372,11 @@ def document_of(model: StoredModel) -> ModelDocument:
     )
 
 
-def packed_model(document: Mapping[str, Any]) -> bytes:
+def packed_model(document: ModelJson) -> bytes:
     """The JSON of a model's document."""
     return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
 
 
-def labels_of(document: Mapping[str, Any]) -> tuple[str, ...]:
+def labels_of(document: ModelJson) -> tuple[str, ...]:
     """The labels of a layout model, in the model's order; the null node has none."""
     return tuple(str(node["label"]) for node in document["nodes"] if node["label"] is not None)

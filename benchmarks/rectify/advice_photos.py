@@ -19,7 +19,7 @@ from services.imaging.illumination import flatten_illumination
 from services.ocr.engine import Word
 from services.operations.page_reading import reading_engine
 from services.rectify.analysis.found_text import find_text
-from services.rectify.analysis.print_sample import print_heights
+from services.rectify.view.print_sample import print_heights
 from services.text.page_text import doubtful_letters
 from simulation.degradation import Degradation, Exposure, degrade, expose
 from simulation.flat_page import Page

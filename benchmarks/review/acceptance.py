@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 
-from app.review.decisions import CANDIDATES, CERTAINTY, Verdict, threshold_of
+from app.review.decisions import CANDIDATES, CERTAINTY, threshold_of
 from benchmarks.common.baseline import Figures
 from benchmarks.common.plots import draw_panels
 from benchmarks.layout.hierarchy import simulated_pages
@@ -15,6 +15,7 @@ from benchmarks.layout.label_trust import accepted_share, error_of_shares
 from benchmarks.layout.part import Part, Result, Results, share, table
 from benchmarks.layout.specimens import Specimen, by_class
 from benchmarks.review.queue import OpenPage, first_models, learn, recognize_open
+from services.contract.answers.learning import Verdict
 from services.layout.page import Page, Zone
 
 SIZES = ("3", "5", "all")

@@ -1,7 +1,7 @@
 """Types of fields: how the text of a label becomes a value. Settings of a class have one entry for each label."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypedDict
 
 FieldType = Literal["text", "date", "amount", "integer", "email", "phone", "postal-code", "pattern"]
 DateOrder = Literal["DMY", "MDY", "YMD"]
@@ -40,3 +40,15 @@ class FieldSetting:
     region: str | None = None
     currency: str | None = None
     decimal: DecimalSign | None = None
+
+
+class FieldSettingJson(TypedDict):
+    """A `FieldSetting` as it is stored."""
+
+    type: FieldType
+    pattern: str | None
+    order: DateOrder | None
+    languages: list[str]
+    region: str | None
+    currency: str | None
+    decimal: DecimalSign | None

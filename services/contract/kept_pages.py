@@ -1,24 +1,134 @@
 """Kept photos: what is kept of a page, and what a later answer may change."""
 
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal, NotRequired, TypedDict
 
-from services.contract.rectify import Corners, Crop, Illumination, Rotation
+from services.contract.rectify import Corners, Crop, Illumination, PageKind, Rotation
 
 MOST_BOUND_PAGES = 200
 """Of one file of kept pages."""
+
+
+class OrientationJson(TypedDict):
+    """`Orientation`: how the page was turned."""
+
+    rotation_deg: int
+    mirrored: bool
+    photo_rotation_deg: float | None
+    confidence: float | None
+
+
+class PaperJson(TypedDict):
+    """The size of the paper, as `RectifyResult` has it."""
+
+    width_mm: float | None
+    height_mm: float | None
+    dpi: float | None
+    aspect: float | None
+    reason: str
+
+
+class FlatJson(TypedDict):
+    """`RectifyResult` without picture and text: what is read of it again."""
+
+    orientation: OrientationJson
+    corners: list[list[float]]
+    page: PaperJson | None
+
+
+class OptionsJson(TypedDict):
+    """Of `RectifyParameters`: what a page that is analysed again is analysed by."""
+
+    kind: PageKind
+    upright: bool
+    focal_length_px: float | None
+    illumination: Illumination
+    crop: Crop
+    paper: str
+    language: str | None
+    camera: str | None
+    margin: float
+
+
+class WishJson(TypedDict, total=False):
+    """What a person has said of a page: `PageWish` without corners."""
+
+    rotate: Rotation | str
+    margin: float
+    illumination: Illumination
+    crop: Crop
+
+
+class WordOfTextJson(TypedDict):
+    """A read word."""
+
+    text: str
+    box: list[float]
+    confidence: float
+    line: NotRequired[int | None]
+
+
+class LineOfTextJson(TypedDict):
+    """A read line."""
+
+    words: list[WordOfTextJson]
+
+
+class BlockOfTextJson(TypedDict):
+    """A read block."""
+
+    lines: list[LineOfTextJson]
+    kind: Literal["heading", "text"]
+    level: int
+
+
+class ReadTextJson(TypedDict):
+    """The text of a view of `width` x `height` pixels."""
+
+    width: int
+    height: int
+    language: str
+    blocks: list[BlockOfTextJson]
+    cut: NotRequired[bool]
+
+
+class KeptTextJson(TypedDict):
+    """A text, and the part of the photo that was read."""
+
+    part: dict[str, str | float]
+    read: ReadTextJson
+
+
+class KeptPageJson(TypedDict):
+    """What is known of a kept page.
+
+    `answer` is that of its first time, made by `options`; `wish` what the person has said since, `shown` the last
+    answer. `text` is there where it was read. The server adds the bundle's `bytes` and the file's `name`.
+    """
+
+    answer: FlatJson
+    options: OptionsJson
+    wish: WishJson
+    rotation_found: int
+    stretch: list[float]
+    is_document: bool
+    dpi: float | None
+    format: Literal["jpeg", "png", "webp", "tiff", "heic"]
+    text: NotRequired[KeptTextJson]
+    bytes: NotRequired[int]
+    name: NotRequired[str | None]
+    shown: NotRequired[FlatJson]
 
 
 @dataclass(frozen=True, slots=True)
 class KeptPage:
     """A page as it is kept.
 
-    `bundle` is a file of its photo, of how its views are drawn, and of its last picture. `document` is JSON: `answer`,
-    the page's `RectifyResult` without picture and text; `options`, by which it was made; `text`, where it was read.
+    `bundle` is a file of its photo, of how its views are drawn, and of its last picture.
     """
 
     bundle: bytes
-    document: dict[str, Any]
+    document: KeptPageJson
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,5 +156,5 @@ class PageReading:
 class RenderedPage:
     """What a later answer changes of a kept page: its `document`, and its `bundle` where it was analysed again."""
 
-    document: dict[str, Any] = field(default_factory=dict)
+    document: KeptPageJson
     bundle: bytes = b""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.fields import FieldSetting
@@ -11,6 +11,7 @@ from services.contract.html import HtmlElement
 from services.contract.images import DocumentLimits
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 from services.contract.page_json import PageJson
+from services.contract.result_json import ResultJson
 
 LayoutFormat = Literal["json", "pagexml", "alto", "png", "html"]
 
@@ -110,7 +111,7 @@ class KeptResult:
     the settings of the class name.
     """
 
-    document: Mapping[str, Any]
+    document: ResultJson
     page: PageJson
     name: str
     picture: bytes = b""

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Generic, Literal, TypeVar
+from typing import Final, Generic, Literal, NotRequired, TypedDict, TypeVar
 
 from services.contract.answers.learning import GivenText, LabellingCosts, Round, WrongLabel
 from services.contract.fields import FieldSetting
+from services.contract.model_json import ModelJson
 from services.contract.page_json import PageJson, SampleJson
+from services.contract.result_json import LabelledZoneJson
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """Algorithms by which a model learns from a verified page; `services.layout.learning.learners` implements them."""
@@ -60,6 +62,18 @@ class VerifiedPage(Generic[P]):
         )
 
 
+class LessonJson(TypedDict):
+    """A `VerifiedPage` as it is stored, with the labels of all zones, and the learners of its models by their names."""
+
+    page: PageJson
+    found_page: NotRequired[PageJson]
+    found_class: str | None
+    found_labels: dict[str, str | None]
+    verified_class: str | None
+    labels: dict[str, str | None]
+    learners: dict[str, Learner]
+
+
 @dataclass(frozen=True, slots=True)
 class Adaptation:
     """The changes that a verified page causes.
@@ -78,7 +92,7 @@ class Adaptation:
         Number of zones of the page.
     """
 
-    documents: dict[str, dict[str, Any]]
+    documents: dict[str, ModelJson]
     wrong: list[WrongLabel]
     costs: list[LabellingCosts]
     sample: SampleJson
@@ -93,7 +107,7 @@ class RevisedPage:
     """
 
     page: PageJson
-    zones: list[dict[str, Any]]
+    zones: list[LabelledZoneJson]
     texts: list[GivenText]
 
 

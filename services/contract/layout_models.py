@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from services.contract.answers.learning import Change
 from services.contract.answers.page import Warning
+from services.contract.model_json import ModelJson
 from services.contract.page_json import SampleJson
 
 MOST_COMPARED_SAMPLES = 24
@@ -27,7 +28,7 @@ class MeasuredSample:
 class ModelDraft:
     """A layout model without a version number, and its labels."""
 
-    document: dict[str, object]
+    document: ModelJson
     labels: list[str]
 
 

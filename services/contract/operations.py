@@ -3,7 +3,7 @@
 # ruff: noqa: RUF009 (an operation is a string, and immutable)
 
 from dataclasses import dataclass, fields
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from services.contract.answers.proposals import Proposals
 from services.contract.images import PageReply
@@ -12,6 +12,7 @@ from services.contract.layout import DocumentReply, LayoutReply, RenderedResults
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft
 from services.contract.page_json import SampleJson
+from services.contract.result_json import RecognitionJson, ResultJson
 from services.contract.worker_facts import WorkerFacts
 
 T = TypeVar("T")
@@ -55,12 +56,12 @@ class Operations:
         "services.operations.layout_models:initialize_from_samples"
     )
     import_model: Operation[ModelDraft] = Operation("services.operations.layout_models:import_model")
-    recognize_again: Operation[dict[str, Any]] = Operation("services.operations.layout_again:recognize_again")
+    recognize_again: Operation[RecognitionJson] = Operation(
+        "services.operations.layout_again:recognize_again"
+    )
     adapt_models: Operation[Adaptation] = Operation("services.operations.layout_learning:adapt_models")
     revise_page: Operation[RevisedPage] = Operation("services.operations.layout_learning:revise_page")
-    correct_result: Operation[dict[str, Any]] = Operation(
-        "services.operations.corrected_result:correct_result"
-    )
+    correct_result: Operation[ResultJson] = Operation("services.operations.corrected_result:correct_result")
     train_model: Operation[tuple[ModelDraft, TrainingReport]] = Operation(
         "services.operations.layout_learning:train_model"
     )

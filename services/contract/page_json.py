@@ -3,7 +3,7 @@
 `services.layout.exchange.page_json` writes and reads them; it has the meaning of every key.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NotRequired, TypedDict
 
 
@@ -23,6 +23,16 @@ class ZoneJson(TypedDict):
     pieces: NotRequired[list[list[float]]]
     text: NotRequired[str]
     content: NotRequired[Mapping[str, float]]
+
+
+class GivenZoneJson(TypedDict):
+    """A zone of a person, drawn on a page or with another label or text."""
+
+    id: NotRequired[str]
+    box: Sequence[float]
+    label: NotRequired[str | None]
+    text: NotRequired[str]
+    kind: NotRequired[str]
 
 
 class PageJson(TypedDict):

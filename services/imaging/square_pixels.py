@@ -10,9 +10,6 @@ import numpy as np
 from services.contract.images import ImageLimits
 from services.imaging.page_images import PagePicture
 
-Stretch = tuple[float, float]
-"""Pixels of the square raster per pixel of the file, along x and along y."""
-
 
 def square_pixels(picture: PagePicture, limits: ImageLimits | None = None) -> PagePicture:
     """`picture` with square pixels; `stretch` says how they lie in those of the file, `dpi` is their resolution."""

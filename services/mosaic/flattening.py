@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
+from services.arrays import Floats, GrayImage, Mask, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import typical_focal_prior
@@ -14,14 +14,14 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
-from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
-from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import find_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_gray_view
 from services.rectify.view.flatness import measure_flatness
+from services.rectify.view.paper_end import find_paper_end
+from services.rectify.view.print_kept import sheet_print
 from services.sheet.plane.framing import FlatFrame
 from services.texture_flow.text_identification import identify_text
 
@@ -64,16 +64,9 @@ def flatten_photo(
     analysis = page.analysis
     assert analysis is not None
     with clock.stage("framing"):
-        characters, text_height_px = analysis.characters, analysis.text_height_px
-        sheet = analysis.paper.outline(characters)
-        if sheet is not None and _has_text_outside(analysis, sheet):
-            sheet = None
-        frame = page.shape.frame(page.view, characters, text_height_px, sheet, "sheet")
-        flat = view_photo(index, photo, frame, text_height_px, float(len(characters)))
-        if sheet is None:
-            # A picture may divide the sheet. Its hull is still known where a background is visible around it.
-            sheet = analysis.paper.hull(characters)
-            sheet = None if sheet is None or _has_text_outside(analysis, sheet) else sheet
+        end = find_paper_end(page, "sheet", sheet_print(page))
+        frame = page.frame(end.reach, "sheet")
+        flat = view_photo(index, photo, frame, page.text_height_px, float(len(page.characters)))
         flatness = measure_flatness(page, frame)
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     error_percent = None if flatness is None else flatness.error_percent
@@ -83,7 +76,7 @@ def flatten_photo(
     ):  # the page contradicts it, or showed it better than a typical one
         prior = typical_focal_prior()
     seen = SeenPage(page.shape, analysis.evidence(page.view), prior)
-    return replace(flat, notices=notices, sheet=sheet, error_percent=error_percent, page=seen)
+    return replace(flat, notices=notices, sheet=end.around, error_percent=error_percent, page=seen)
 
 
 def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
@@ -91,17 +84,6 @@ def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
     assert flat.page is not None
     again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight)
     return replace(again, notices=flat.notices, sheet=flat.sheet, page=flat.page)
-
-
-def _has_text_outside(analysis: PageAnalysis, sheet: Points) -> bool:
-    """Whether the page has text outside of `sheet` (N, 2), which then outlines a part of it only."""
-    if analysis.facing_page:
-        return False
-    inside = np.zeros(analysis.reduced.shape, np.uint8)
-    cv2.fillPoly(inside, [np.round((sheet + 0.5) * analysis.factor - 0.5).astype(np.int32)], (1,))
-    printed = of_text_height(analysis.printed, analysis.text.text_height_px)
-    x, y = np.floor(printed + 0.5).astype(int).T
-    return is_outside_text(int(np.count_nonzero(inside[y, x] == 0)), 0, len(printed))
 
 
 def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:

@@ -14,10 +14,10 @@ from services.imaging.illumination import flatten_illumination
 from services.imaging.paper import PaperParameters, model_paper
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.outside_text import is_outside_text, of_text_height
 from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
 from services.rectify.analysis.found_text import AnalysisParameters
+from services.rectify.view.outside_text import is_outside_text, of_text_height
 from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
 
 

@@ -1,19 +1,19 @@
 """Later answers about kept pages: other turns, margins, looks and parts by what is kept, other corners anew."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from services.arrays import Floats, Points, RgbImage
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import Encoding, ImageLimits, PageReply
-from services.contract.kept_pages import KeptPage, PageReading, PageWish, RenderedPage
+from services.contract.kept_pages import KeptPage, KeptPageJson, PageReading, PageWish, RenderedPage, WishJson
 from services.contract.rectify import Crop, RectifyParameters
 from services.geometry.homographies import to_resized, transform_points
 from services.geometry.page_frame import Frame, mesh_of, turn_against_photo, turn_frame, turning
-from services.imaging.codec import UploadFormat, decode_image, encode_image
+from services.imaging.codec import decode_image, encode_image
 from services.imaging.looks import scanner_look
 from services.imaging.normalization import normalize_illumination
 from services.imaging.page_images import page_picture
@@ -94,11 +94,13 @@ def show_kept_photo(bundle: bytes, width: int | None) -> bytes:
 
 def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPage:
     """The page between other corners, or those that are found: its shape is found anew in the kept photo."""
-    options = dict(kept.document["options"])
-    for name in ("margin", "illumination", "crop"):
-        said = getattr(wish, name) or kept.document["wish"].get(name)
-        if said is not None:
-            options[name] = said
+    options, said = kept.document["options"], kept.document["wish"]
+    options = {
+        **options,
+        "margin": wish.margin or said.get("margin", options["margin"]),
+        "illumination": wish.illumination or said.get("illumination", options["illumination"]),
+        "crop": wish.crop or said.get("crop", options["crop"]),
+    }
     turn = wish.rotate if isinstance(wish.rotate, int) else None
     asked = RectifyParameters(
         **options,
@@ -176,18 +178,18 @@ def draw_kept(
     if text is not None:
         text = text.resized(flat.shape[1], flat.shape[0])
         described.warnings += describe_warnings((READING_CUT,) if text.cut else ())
-    facts = SourceFacts(cast(UploadFormat, document["format"]), dpi, icc_profile)
+    facts = SourceFacts(document["format"], dpi, icc_profile)
     return DescribedPage(scanner_look(flat, look), described, text, dpi), facts
 
 
-def _wished(document: Mapping[str, Any], wish: PageWish) -> dict[str, Any]:
+def _wished(document: KeptPageJson, wish: PageWish) -> KeptPageJson:
     """The kept `document` with what the person wishes from now on; how its picture was made stays."""
     wished = {name: value for name, value in asdict(wish).items() if value is not None and name != "corners"}
-    return {**document, "wish": {**document["wish"], **wished}}
+    return {**document, "wish": cast(WishJson, {**document["wish"], **wished})}
 
 
 def _described(
-    document: Mapping[str, Any], shape: tuple[int, ...], mesh: Floats, turn: int, dpi: float | None
+    document: KeptPageJson, shape: tuple[int, ...], mesh: Floats, turn: int, dpi: float | None
 ) -> RectifyResult:
     """The later answer without timings and picture: sizes, mesh and turn are its own."""
     answer, stretch = document["answer"], np.array(document["stretch"])
@@ -252,7 +254,7 @@ def _pixels_per_photo_pixel(frame: Frame) -> float:
     return (frame.width - 1) / 8 / max(float(np.median(steps)), 1e-9)
 
 
-def _turn(wish: PageWish, document: Mapping[str, Any]) -> int:
+def _turn(wish: PageWish, document: KeptPageJson) -> int:
     if wish.rotate is None:
-        return int(document["answer"]["orientation"]["rotation_deg"])
+        return document["answer"]["orientation"]["rotation_deg"]
     return int(document["rotation_found"] if wish.rotate == "auto" else wish.rotate)

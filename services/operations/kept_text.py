@@ -2,13 +2,13 @@
 
 import zlib
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import RgbImage
-from services.contract.kept_pages import PageReading
+from services.contract.kept_pages import KeptPageJson, PageReading, ReadTextJson
 from services.contract.rectify import Crop
 from services.ocr.engine import Word
 from services.operations.page_reading import read_flat_page, reading_engine
@@ -36,13 +36,14 @@ def shown_part(crop: Crop, margin: float, turn: int, plan: bytes) -> ShownPart:
     return ShownPart(crop, margin, turn, zlib.crc32(plan))
 
 
-def keep_text(document: dict[str, Any], part: ShownPart, text: PageText) -> None:
+def keep_text(document: KeptPageJson, part: ShownPart, text: PageText) -> None:
     """Put the text of a view of `part` into the document of a kept page; places in the photo are found again."""
-    document["text"] = {"part": asdict(part), "read": to_json_ready(asdict(replace(text, places=())))}
+    read = cast(ReadTextJson, to_json_ready(asdict(replace(text, places=()))))
+    document["text"] = {"part": asdict(part), "read": read}
 
 
 def text_of(
-    document: dict[str, Any],
+    document: KeptPageJson,
     part: ShownPart,
     view: RgbImage,
     reading: PageReading,
@@ -67,12 +68,22 @@ def text_of(
     return replace(text, places=locate_boxes(mesh, width, height, [word.box for word in text.words]))
 
 
-def _opened(read: dict[str, Any]) -> PageText:
+def _box(sides: list[float]) -> tuple[float, float, float, float]:
+    x0, y0, x1, y1 = sides
+    return x0, y0, x1, y1
+
+
+def _opened(read: ReadTextJson) -> PageText:
     """The text that `keep_text` has put away; JSON has made lists of its tuples."""
     blocks = tuple(
         TextBlock(
             tuple(
-                ReadLine(tuple(Word(**{**word, "box": tuple(word["box"])}) for word in line["words"]))
+                ReadLine(
+                    tuple(
+                        Word(word["text"], _box(word["box"]), word["confidence"], word.get("line"))
+                        for word in line["words"]
+                    )
+                )
                 for line in block["lines"]
             ),
             block["kind"],
@@ -80,4 +91,6 @@ def _opened(read: dict[str, Any]) -> PageText:
         )
         for block in read["blocks"]
     )
-    return PageText(**{**read, "blocks": blocks, "places": ()})
+    return PageText(
+        read["width"], read["height"], read["language"], blocks, places=(), cut=read.get("cut", False)
+    )

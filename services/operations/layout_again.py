@@ -2,27 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import cast
 
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
 from services.contract.page_json import PageJson
+from services.contract.result_json import RecognitionJson
 from services.layout.pipeline import content_features, recognize, with_believable_labels
 from services.layout.recognition.documents import Part, place_again, place_page
 from services.operations.layout import MeasuredPage, describe_page
 from services.operations.page_zones import read_kept_page
 from services.operations.stored_models import open_models
-
-FOUND_AGAIN = (
-    "class",
-    "classes",
-    "unknown_probability",
-    "zones",
-    "fields",
-    "match",
-    "part",
-    "document_class",
-)
-"""What a recognition says of a page besides its picture, warnings and timings."""
 
 
 def recognize_again(
@@ -31,8 +20,8 @@ def recognize_again(
     settings: LayoutSettings,
     words: bool,
     document: tuple[str, Part | None] | None = None,
-) -> dict[str, Any]:
-    """The `FOUND_AGAIN` parts, as JSON, of the answer about the page of a stored result; `words` as in `LayoutOptions`.
+) -> RecognitionJson:
+    """What is found anew, as JSON, of the answer about the page of a stored result; `words` as in `LayoutOptions`.
 
     `document` is for a page of a document: the class of the document, which stays, and the page's part in it.
 
@@ -55,4 +44,4 @@ def recognize_again(
     measured = MeasuredPage(recognition.page, None)
     described = describe_page(placed, measured, LayoutOptions(words=words), models)
     found = described.model_dump(mode="json")
-    return {name: found[name] for name in FOUND_AGAIN}
+    return cast(RecognitionJson, {name: found[name] for name in RecognitionJson.__annotations__})

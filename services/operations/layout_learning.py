@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import count
-from typing import Any
+from typing import cast
 
 from rapidfuzz.distance import Levenshtein
 
@@ -11,7 +11,8 @@ from services.contract.answers.learning import GivenText, LabellingCosts, WrongL
 from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport, VerifiedPage
 from services.contract.layout_models import ModelDraft
-from services.contract.page_json import PageJson, SampleJson
+from services.contract.page_json import GivenZoneJson, PageJson, SampleJson
+from services.contract.result_json import LabelledZoneJson
 from services.errors import InvalidOption
 from services.layout.content.content_features import content_features
 from services.layout.exchange.page_json import page_from_document, page_to_document
@@ -120,7 +121,7 @@ def train_model(
     return draft_of(trained), report
 
 
-def revise_page(page: PageJson, zones: list[dict[str, Any]], settings: LayoutSettings) -> RevisedPage:
+def revise_page(page: PageJson, zones: Sequence[GivenZoneJson], settings: LayoutSettings) -> RevisedPage:
     """The page of a stored result with the zones or texts of a person.
 
     Parameters
@@ -152,7 +153,7 @@ def revise_page(page: PageJson, zones: list[dict[str, Any]], settings: LayoutSet
     return RevisedPage(
         page=to_json_ready(page_to_document(revised)),
         zones=[
-            zone.model_dump(mode="json")
+            cast(LabelledZoneJson, zone.model_dump(mode="json"))
             for zone in describe_zones(revised, [(each, each.label, 1.0, None) for each in revised.zones])
         ],
         texts=[

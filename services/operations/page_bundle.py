@@ -3,8 +3,9 @@
 import io
 import zipfile
 from dataclasses import dataclass
+from typing import cast
 
-from services.contract.kept_pages import KeptPage
+from services.contract.kept_pages import KeptPage, KeptPageJson, OptionsJson
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import encode_image
 from services.imaging.page_images import PagePicture
@@ -42,17 +43,7 @@ def open_bundle(packed: bytes) -> PageBundle:
 
 PICTURE_QUALITY = 92
 """Of the picture: a page that is only turned is made of it."""
-KEPT_OPTIONS = (
-    "kind",
-    "upright",
-    "focal_length_px",
-    "illumination",
-    "crop",
-    "paper",
-    "language",
-    "camera",
-    "margin",
-)
+KEPT_OPTIONS = tuple(OptionsJson.__annotations__)
 """Of `RectifyParameters`: what a page that is analysed again is analysed by."""
 
 
@@ -85,8 +76,7 @@ def keep_page(
         "dpi": page.dpi and page.dpi * result.image.shape[1] / page.image.shape[1],
         "format": photo.format,
     }
-    ready = to_json_ready(document)
-    assert isinstance(ready, dict)
+    ready = cast(KeptPageJson, to_json_ready(document))
     if text is not None:
         turn = result.orientation.rotation_deg
         keep_text(ready, shown_part(parameters.crop, parameters.margin, turn, result.plan.packed), text)

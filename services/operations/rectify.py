@@ -36,10 +36,10 @@ from services.operations.replies import (
 )
 from services.progress import progress_within
 from services.rectify.analysis.focal_length import seen_focal_length
+from services.rectify.effort import BRIEF, PREVIEW_PX
 from services.rectify.kept_photo import keep_photo
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import rectify
-from services.rectify.preview import PREVIEW_PX, preview_page
 from services.rectify.preview_scale import (
     enlarge,
     in_pixels_of_file,
@@ -176,7 +176,9 @@ def describe_preview(
     )
     reduced = reduce_parameters(parameters, photo.reduction)
     try:
-        found = preview_page(photo.pixels, reduced, photo.focal_length_px, photo.is_document)
+        found = rectify(
+            photo.pixels, reduced, photo.focal_length_px, is_document=photo.is_document, effort=BRIEF
+        )
     except NoText as refusal:
         if parameters.on_no_text != "keep":
             raise

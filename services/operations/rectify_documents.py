@@ -21,8 +21,8 @@ from services.operations.pages_reply import (
 from services.operations.rectify import flatten_picture, rectify_picture
 from services.operations.replies import ENCODING_BEGINS, SourceFacts, timed
 from services.progress import progress_within
+from services.rectify.effort import PREVIEW_PX
 from services.rectify.parameter_checks import parameters_of_page
-from services.rectify.preview import PREVIEW_PX
 
 
 def rectify_uploads(

@@ -1,7 +1,7 @@
 """The steps of `rectify`, in their order."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import get_args
 
 import numpy as np
@@ -19,14 +19,21 @@ from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis.desk_texture import is_texture_beside
 from services.rectify.analysis.focal_length import requested_prior
-from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
+from services.rectify.analysis.found_text import FoundText, find_text
+from services.rectify.analysis.page_analysis import PageAnalysis, analyse_briefly, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
-from services.rectify.analysis.print_sample import sample_print
+from services.rectify.effort import BRIEF, WHOLE, Effort
 from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.results import Orientation, RectifyResult
+from services.rectify.shape_choice.brief_choice import brief_shape, sheet_between_sides
 from services.rectify.shape_choice.choice import rank_shapes
-from services.rectify.shape_choice.flat_hypothesis import blank_flat_page, flat_page, may_be_flat
+from services.rectify.shape_choice.flat_hypothesis import (
+    blank_flat_page,
+    flat_page,
+    may_be_flat,
+    sheet_in_view,
+)
 from services.rectify.shape_choice.given_corners import page_between
 from services.rectify.shape_choice.principal_point import find_principal_point
 from services.rectify.shape_choice.shaped_page import ShapedPage
@@ -37,7 +44,9 @@ from services.rectify.view.drawing import draw_flat_view, places_in_view
 from services.rectify.view.held_corners import end_at_corners, with_margin
 from services.rectify.view.judged_view import JudgedView, best_view, judge_view
 from services.rectify.view.orientation import orient_page
+from services.rectify.view.paper_end import is_believed
 from services.rectify.view.paper_fit import fit_to_paper
+from services.rectify.view.print_sample import sample_print
 from services.rectify.view.view_plan import ViewPlan, plan_view
 from services.sheet.outline.detection import find_outline
 from services.sheet.outline.given_corners import outline_between
@@ -67,8 +76,11 @@ def rectify(
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
     is_document: bool = False,
+    effort: Effort = WHOLE,
 ) -> RectifyResult:
     """Flatten the page in a photo: its frontal view, upright.
+
+    By a brief effort the view is neither turned nor drawn: its image is blank.
 
     Parameters
     ----------
@@ -97,8 +109,26 @@ def rectify(
     """
     check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
-    page = find_page(photo, parameters, exif_focal_length_px, clock, is_document)
+    page = find_page(photo, parameters, exif_focal_length_px, clock, is_document, effort=effort)
+    if effort.is_brief:
+        return _place_page(photo, page, parameters, clock)
     return flatten_page(photo, page, parameters, ocr, clock)
+
+
+def _place_page(
+    photo: RgbImage, page: ShapedPage, parameters: RectifyParameters, clock: StageClock
+) -> RectifyResult:
+    """Where the view of a `page` lies in the photo; its image is one white pixel, shown as large as the view."""
+    with clock.stage("framing"):
+        view = judge_view(photo, page, parameters.crop, BRIEF)
+        frame, stretch = view.frame, None
+        if parameters.crop == "sheet":
+            frame, stretch = fit_to_paper(frame, page, parameters.paper)
+    blank = np.broadcast_to(np.full((1, 1, 3), 255, np.uint8), (frame.height, frame.width, 3))
+    found, as_it_lies = sample_print(page), Orientation(0, False, None)
+    judged = (view.print_kept, None)
+    described = describe_page(page, blank, frame, as_it_lies, page.notices, clock, found, judged)
+    return replace(described, stretch=stretch)
 
 
 def flatten_page(
@@ -135,9 +165,8 @@ def flatten_page(
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
             flat = normalize_illumination(flat, places)
-    printed = None if analysis is None else sample_print(analysis, page.on_page)
     judged = (view.print_kept, view.error_percent)
-    described = describe_page(page, flat, frame, orientation, notices, clock, printed, judged)
+    described = describe_page(page, flat, frame, orientation, notices, clock, sample_print(page), judged)
     plan = None
     if parameters.keep_photo:
         with clock.stage("plan"):
@@ -168,10 +197,12 @@ def find_page(
     is_document: bool = False,
     *,
     needs_text: bool = False,
+    effort: Effort = WHOLE,
 ) -> ShapedPage:
     """The page in `photo` by its text and the outline of its sheet, or by one of them where the other is not seen.
 
-    With `needs_text` a page without text is refused.
+    With `needs_text` a page without text is refused. By a brief `effort` the sides of the sheet decide where they are
+    certain, and the directions of the text are measured where they are not.
 
     Raises
     ------
@@ -184,39 +215,103 @@ def find_page(
         return _find_page_between(
             Halves(photo), np.array(parameters.page_corners), view, prior, parameters.kind, clock
         )
-    outline, sought, halves = None, False, Halves(photo)
-    is_flat_asked = may_be_flat(parameters)
+    search = _Search(photo, view, prior, parameters, is_document, effort, clock)
     try:
-        analysis = analyse_photo(halves, parameters.region, clock=clock)
-        release_freed_memory()
-        # The outline of an opened book is not that of a single page.
-        if not analysis.facing_page and parameters.region is None:
-            with clock.stage("outline"):
-                outline, sought = find_outline(halves, analysis.characters, analysis.text_height_px), True
-            if outline is not None and is_texture_beside(analysis, outline):
-                on_sheet = tuple((float(x), float(y)) for x, y in outline.polygon)
-                analysis = analyse_photo(halves, on_sheet, clock=clock)
-        with clock.stage("shape"):
-            flat = None
-            if is_flat_asked:
-                flat = flat_page(halves, analysis, outline, view, prior, is_document=is_document)
-        if flat is not None:
-            return flat
-        page = shape_page(analysis, view, prior, parameters.kind, clock, outline)
-        return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
+        return search.page_by_text()
     except NoText as refusal:
         if needs_text:
             raise
-        if not sought:
-            with clock.stage("outline"):
-                outline = find_outline(halves)
-        with clock.stage("shape"):
-            flat = None
-            if is_flat_asked:
-                flat = blank_flat_page(halves, outline, view, prior, is_document=is_document)
+        return search.page_without_text(refusal)
+
+
+@dataclass(slots=True, eq=False)
+class _Search:
+    """What is known of a photo while its page is sought: an outline that was sought once is not sought again."""
+
+    photo: RgbImage
+    view: PhotoFrame
+    prior: FocalPrior
+    parameters: RectifyParameters
+    is_document: bool
+    effort: Effort
+    clock: StageClock
+    halves: Halves = field(init=False)
+    outline: SheetOutline | None = None
+    sought: bool = False
+
+    def __post_init__(self) -> None:
+        self.halves = Halves(self.photo)
+
+    def seek_outline(self, seen: FoundText | PageAnalysis | None) -> None:
+        """Look for the outline of the sheet on which the text is that was `seen`."""
+        with self.clock.stage("outline"):
+            places = None if seen is None else seen.characters
+            height_px = None if seen is None else seen.text_height_px
+            self.outline = find_outline(self.halves, places, height_px, self.effort.outline)
+            self.sought = True
+
+    def page_by_text(self) -> ShapedPage:
+        """The page that text shows, and the sides of its sheet. Raises `NoText`."""
+        kind, region = self.parameters.kind, self.parameters.region
+        if self.effort.is_brief:
+            with self.clock.stage("text"):
+                text = find_text(self.halves, region, self.effort.analysis)
+            if region is None:
+                self.seek_outline(text)
+            page = self._page_between_sides(text)
+            if page is not None:
+                return page
+            in_region = region is not None
+            analysis = analyse_briefly(
+                self.halves, text, self.effort.analysis, self.clock, in_region=in_region
+            )
+        else:
+            analysis = analyse_photo(self.halves, region, clock=self.clock)
+            release_freed_memory()
+            if region is None and not analysis.facing_page:
+                self.seek_outline(analysis)
+            if self.outline is not None and is_texture_beside(analysis, self.outline):
+                on_sheet = tuple((float(x), float(y)) for x, y in self.outline.polygon)
+                analysis = analyse_photo(self.halves, on_sheet, clock=self.clock)
+        # The outline of an opened book is not that of a single page.
+        outline = None if analysis.facing_page else self.outline
+        if may_be_flat(self.parameters):
+            with self.clock.stage("shape"):
+                flat = flat_page(
+                    self.halves, analysis, outline, self.view, self.prior, is_document=self.is_document
+                )
             if flat is not None:
                 return flat
-            return find_textless_page(photo, outline, view, prior, refusal)
+        page = shape_page(analysis, self.view, self.prior, kind, self.clock, outline, self.effort)
+        return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
+
+    def page_without_text(self, refusal: NoText) -> ShapedPage:
+        """The page that its sheet's sides show, or straight print. Raises `NoText`."""
+        if self.sought and self.effort.is_brief:
+            raise refusal  # its sides show no page, its text shows no direction
+        if not self.sought:
+            self.seek_outline(None)
+        page = self._page_between_sides(None) if self.effort.is_brief else None
+        with self.clock.stage("shape"):
+            if page is None and may_be_flat(self.parameters):
+                page = blank_flat_page(
+                    self.halves, self.outline, self.view, self.prior, is_document=self.is_document
+                )
+            if page is not None:
+                return page
+            if self.effort.is_brief:
+                raise refusal
+            return find_textless_page(self.photo, self.outline, self.view, self.prior, refusal)
+
+    def _page_between_sides(self, text: FoundText | None) -> ShapedPage | None:
+        """The sheet by its four sides alone; None where they are not certain."""
+        characters = np.zeros((0, 2)) if text is None else text.characters
+        with self.clock.stage("shape"):
+            in_view = sheet_in_view(self.outline, self.view, is_document=self.is_document)
+            if not in_view or not is_believed(self.outline, characters):
+                return None
+            page = sheet_between_sides(self.outline, self.view, self.prior, self.parameters.kind, characters)
+        return None if page is None else replace(page, text=text)
 
 
 def _find_page_between(
@@ -248,6 +343,7 @@ def shape_page(
     kind: PageKind,
     clock: StageClock,
     outline: SheetOutline | None = None,
+    effort: Effort = WHOLE,
 ) -> ShapedPage:
     """The shape of a page whose text and flows are known; `prior` is that of the focal length.
 
@@ -257,6 +353,10 @@ def shape_page(
         When most of its ink is no text, and no sheet's edges show its shape either.
     """
     with clock.stage("shape"):
+        if effort.is_brief:
+            evidence = analysis.evidence(view)
+            shape = brief_shape(evidence, prior, kind)
+            return ShapedPage(view, shape, shape.notices, outline, analysis, evidence.vanishing_points)
         if outline is not None:
             cut = find_cut_borders(
                 analysis.characters, analysis.text_height_px, view.width, view.height, outline.polygon

@@ -5,7 +5,7 @@ import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import httpx
 import openpyxl
@@ -21,6 +21,8 @@ from tests.app.test_problems import assert_problem
 
 KEYS = ({"X-API-Key": "alice-secret"}, {"X-API-Key": "bob-secret"})
 TEXTS = ("March 3, 1998", '=HYPERLINK("http://example.org")', 'comma, "quote"\nline', "Ärger")
+
+T = TypeVar("T")
 
 
 def result_with(text: str, value: str | None, kind: str) -> dict[str, Any]:
@@ -103,9 +105,9 @@ def test_a_list_of_large_results_has_short_pages(
     """One result is over the bound already: every page has one, and the links lead through all of them."""
     decoded = []
 
-    def count(stored: bytes) -> tuple[dict[str, Any], int]:
+    def count(stored: bytes, shape: type[T]) -> tuple[T, int]:
         decoded.append(len(stored))
-        return decode_measured(stored)
+        return decode_measured(stored, shape)
 
     with Store.open(tmp_path / DATABASE) as store:
         place = ReviewDraft(1.0, 0.5, "letter", 1, "review")

@@ -120,7 +120,7 @@ def learn(result_id: str, name: str, request: str) -> Work:
                 undone = without(store, result_id) if seen else []
                 model = store.model(name)
                 documents = {each.name: each.document for each in undone}
-                lessons = (documents.get(name) or model.document or {})["lessons"]
+                lessons = (documents.get(name) or model.document)["lessons"]
                 change = ModelChange(name, {"lessons": [*lessons, result_id]}, model.version)
                 feedback = draft(
                     result_id, request, verified=name, found=None, sample=f"{result_id} {request}"

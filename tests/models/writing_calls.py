@@ -210,7 +210,7 @@ def masked_rows(store: Store) -> list[tuple[Any, ...]]:
                 values = dict(zip((column.key for column in columns), row, strict=True))
                 for column in columns:
                     if isinstance(column.type, LargeBinary) and values[column.key] is not None:
-                        values[column.key] = decode_document(values[column.key])
+                        values[column.key] = decode_document(values[column.key], dict)
                 if "model_id" in values:
                     values["model_id"] = names[values["model_id"]]
                 values = {key: _masked(key, value) for key, value in values.items()}

@@ -1,10 +1,13 @@
 """Parts of responses of learning: feedback, rounds of training, differences of models."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from services.contract.answers.page import Answer, Warning
+
+Verdict = tuple[str | None, float, bool]
+"""Found label of a zone, its confidence, and whether a person found it right."""
 
 
 class FoundAndVerified(Answer):
@@ -56,7 +59,7 @@ class FeedbackReport(BaseModel):
     wrong: list[WrongLabel]
     costs: list[LabellingCosts]
     texts: list[GivenText] = []
-    verdicts: list[list[Any]] = []
+    verdicts: list[Verdict] = []
     warnings: list[Warning] = []
 
 

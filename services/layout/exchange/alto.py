@@ -5,11 +5,11 @@ Blocks are tagged with their logical labels (`TAGREFS` of a LayoutTag whose LABE
 
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import cast
 from xml.etree.ElementTree import Element, SubElement
 
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.exchange.page_json import page_of_blocks
+from services.layout.exchange.page_json import BlockJson, page_of_blocks
 from services.layout.exchange.xml_reading import (
     FIELD,
     children,
@@ -186,12 +186,12 @@ def _order(root: Element, blocks: list[Element]) -> list[str]:
 
 def _zone_document(
     block: Element, index: int, references: tuple[str, ...], tags: dict[str, tuple[str, str, str]]
-) -> dict[str, Any]:
+) -> BlockJson:
     kind = _KINDS[block.tag]
     if block.tag == "Illustration" and block.get("TYPE") == _NOISE:
         kind = "noise"
     lines = list(children(block, "TextLine"))
-    zone: dict[str, Any] = {
+    zone: BlockJson = {
         "id": block.get("ID") or f"block-{index + 1}",
         "box": _box(block),
         "kind": kind,
@@ -200,17 +200,18 @@ def _zone_document(
         "font_size": None,
         "text": "\n".join(_line_text(line) for line in block.iter("TextLine")),
     }
+    told: dict[str, float | str | None] = {}
     labels: dict[int, str] = {}
     for depth, names in enumerate(references):
         for element, type_, label in (tags[name] for name in names.split() if name in tags):
             if element == "OtherTag" and type_ in _MEASURES:
-                zone[type_] = number(label)
+                told[type_] = number(label)
             elif element == "OtherTag" and type_ == _ID:
-                zone[type_] = label
+                told[type_] = label
             elif element in _LABEL_TAGS:
                 labels[2 * depth + (element != "OtherTag")] = label
     zone["label"] = labels[max(labels)] or None if labels else None
-    return zone
+    return cast(BlockJson, {**zone, **told})
 
 
 def _box(element: Element) -> list[float] | None:

@@ -7,7 +7,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, fields, replace
 from itertools import count
-from typing import Any, cast
+from typing import Any, NotRequired, TypedDict, cast
 
 from services.contract.page_json import PageJson, ZoneJson
 from services.layout.exchange.limits import ExchangeLimits
@@ -32,6 +32,21 @@ _LARGEST_APPEARANCE = 1e6
 _BEYOND_PAGE = 1.0
 """How far a box may stick out of the page, in page sides: further out it was measured on another image."""
 _EXAMPLE = '{"width": 2480, "height": 3508, "zones": [{"id": "z1", "box": [300, 412, 1180, 655]}]}'
+
+
+class BlockJson(TypedDict):
+    """A zone as another program has described it; values may be missing, and wrong."""
+
+    id: str
+    box: list[float] | None
+    kind: str
+    label: str | None
+    lines: int | None
+    font_size: float | None
+    text: str
+    line_spacing: NotRequired[float | None]
+    alignment: NotRequired[str | None]
+    weight: NotRequired[float | None]
 
 
 def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
@@ -62,7 +77,7 @@ def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
 
 def page_of_blocks(
     size: tuple[float | None, float | None],
-    blocks: Sequence[dict[str, Any]],
+    blocks: Sequence[BlockJson],
     limits: ExchangeLimits,
     warn: Callable[[Notice], None],
 ) -> tuple[Page, list[int]]:

@@ -8,11 +8,11 @@ logical label is in `custom="structure {type:...;}"`, where most tools expect it
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import cast
 from xml.etree.ElementTree import Element, SubElement
 
 from services.layout.exchange.limits import ExchangeLimits
-from services.layout.exchange.page_json import page_of_blocks
+from services.layout.exchange.page_json import BlockJson, page_of_blocks
 from services.layout.exchange.xml_reading import (
     FIELD,
     box_of,
@@ -167,14 +167,14 @@ def _group_references(group: Element) -> list[str]:
     return found
 
 
-def _zone_document(region: Element, index: int, dpi: float | None) -> dict[str, Any]:
+def _zone_document(region: Element, index: int, dpi: float | None) -> BlockJson:
     custom = _read_custom(region.get("custom", ""))
     own = custom.get("zone", {})
     lines = _in_custom_order(children(region, "TextLine"))
     style = next(children(region, "TextStyle"), None)
     points = number(None if style is None else style.get("fontSize"))
     size, spacing = measure_lines([_coords_box(line) for line in lines])
-    zone: dict[str, Any] = {
+    zone: BlockJson = {
         "id": own.get("id") or region.get("id") or f"region-{index + 1}",
         "box": _part_box(region),
         "kind": _KINDS[region.tag],
@@ -185,8 +185,8 @@ def _zone_document(region: Element, index: int, dpi: float | None) -> dict[str, 
         "alignment": _alignment(region.get("align")),
         "text": _text(region),
     }
-    zone.update({name: number(own[key]) for key, name in _MEASURES.items() if key in own})
-    return zone
+    measured = {name: number(own[key]) for key, name in _MEASURES.items() if key in own}
+    return cast(BlockJson, {**zone, **measured})
 
 
 def _coords_box(region: Element) -> list[float] | None:

@@ -3,12 +3,13 @@
 The sufficient statistics of a model are its key `memory`: stored documents and the HTTP contract have that name.
 """
 
-from typing import Annotated, Any, NotRequired, TypeVar
+from typing import Annotated, Any, NotRequired, TypeVar, cast
 
 from pydantic import AfterValidator, BeforeValidator, FailFast, Field, TypeAdapter, ValidationError
 from typing_extensions import TypedDict  # of typing's own pydantic cannot read the optional keys before 3.12
 
 from services.contract.layout import LONGEST_LABEL
+from services.contract.model_json import ModelJson
 from services.layout.model.layout_model import (
     LARGEST,
     LARGEST_SUM,
@@ -36,19 +37,15 @@ MOST_DESCRIPTORS = 100
 LONGEST_NAME = 100
 
 
-def model_to_document(model: LayoutModel) -> dict[str, Any]:
+def model_to_document(model: LayoutModel) -> ModelJson:
     """`model` as JSON can hold it; `model_from_document` reads it back."""
     places = {node.label: place for place, node in enumerate(model.nodes)}
     document = _PLAIN.dump_python(model, mode="json", warnings="none")
     statistics = document.pop("statistics")
     for edge in (*document["edges"], *(statistics["edges"] if statistics else ())):
         edge["upper"], edge["lower"] = places[edge["upper"]], places[edge["lower"]]
-    return {
-        "format": MODEL_FORMAT,
-        "format_version": MODEL_FORMAT_VERSION,
-        **document,
-        "memory": statistics,
-    }
+    head = {"format": MODEL_FORMAT, "format_version": MODEL_FORMAT_VERSION}
+    return cast(ModelJson, {**head, **document, "memory": statistics})
 
 
 def model_from_document(document: Any) -> LayoutModel:

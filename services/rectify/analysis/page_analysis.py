@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from services.arrays import GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
@@ -238,18 +239,43 @@ def _analyse_dark_print(
     return tuple(pages)
 
 
-def analyse_text(found: FoundText, p: AnalysisParameters) -> PageAnalysis:
-    """Both texture flows of all the text that was found, without a choice of the page.
+def analyse_briefly(
+    photo: Halves, found: FoundText, p: AnalysisParameters, clock: StageClock, *, in_region: bool
+) -> PageAnalysis:
+    """The main page by text that was `found`; all of it is the page's where it was sought `in_region`.
+
+    What was measured beside a character of the page is the page's: its directions are not measured again.
 
     Raises
     ------
     NoText
         When its lines show no common direction.
     """
-    flows = _measure_flows(found, found.text, p)
-    if len(flows[0].samples) < MIN_FLOW_SAMPLES:
-        raise NoText(NO_DIRECTION)
-    return _analysis_of(found, found.text, flows, None)
+    with clock.stage("texture_flow"):
+        flows = _measure_flows(found, found.text, p)
+        if len(flows[0].samples) < MIN_FLOW_SAMPLES:
+            raise NoText(NO_DIRECTION)
+        page = _analysis_of(found, found.text, flows, None)
+    if in_region:
+        return page
+    with clock.stage("text"):
+        choice = choose_page(
+            photo, found.characters, found.text_height_px, page.major, page.minor, found.paper
+        )
+        if not choice.facing_page:
+            return page
+        nearest = cKDTree(found.characters)
+
+        def own(samples: FlowSamples) -> FlowSamples:
+            return samples.select(choice.kept[nearest.query(samples.points)[1]])
+
+        return replace(
+            page,
+            text=keep_characters(page.text, choice.kept),
+            major=own(page.major),
+            minor=None if page.minor is None else own(page.minor),
+            gutter=choice.gutter_beside(found.characters[choice.kept]),
+        )
 
 
 def _analysis_of(

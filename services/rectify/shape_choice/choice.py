@@ -20,7 +20,7 @@ from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planarity import apparent_kind
 from services.sheet.ridged_page import RidgedPage
 from services.sheet.shape import PageShape
-from services.sheet.tracing.line_tracing import STRAIGHT, measure_bend, measure_straightness
+from services.sheet.tracing.line_tracing import STRAIGHT, left_by_bends, measure_bend, measure_straightness
 
 VISIBLE_BEND = 0.2
 """RMS distance of text lines in the photo from straight ones, in text heights, from which on no plane is tried where a
@@ -43,36 +43,6 @@ FLOW_GAIN = 0.4
 plane's: flows of sparse print are unreliable."""
 
 
-def choose_shape(
-    evidence: PageEvidence,
-    prior: FocalPrior,
-    kind: PageKind,
-    outline: SheetOutline | None = None,
-    sheet: SheetSides | None = None,
-) -> PageShape:
-    """The shape that the evidence supports best: the first of `rank_shapes`.
-
-    Parameters
-    ----------
-    evidence
-        Text, flows and text lines.
-    prior
-        Of the focal length.
-    kind
-        "planar" or "curved" as the client demands, or "auto".
-    outline
-        Outline of the sheet in the photo, if it was found.
-    sheet
-        Its straight sides as evidence for a plane.
-
-    Returns
-    -------
-    PageShape
-        Its notices say too why no other was chosen although the page seems to have it.
-    """
-    return next(rank_shapes(evidence, prior, kind, outline, sheet))
-
-
 def rank_shapes(
     evidence: PageEvidence,
     prior: FocalPrior,
@@ -83,7 +53,20 @@ def rank_shapes(
     """Yield the plausible shapes, the best one first; each is fitted when it is asked for.
 
     The simplest shape that explains the page is the best: a plane unless a bent sheet explains clearly more, a smooth
-    sheet unless a creased one does. With `kind` "planar" there is only the plane. Parameters as of `choose_shape`.
+    sheet unless a creased one does. Its notices say too why no other was chosen although the page seems to have it.
+
+    Parameters
+    ----------
+    evidence
+        Text, flows and text lines.
+    prior
+        Of the focal length.
+    kind
+        "planar" (then there is only the plane) or "curved" as the client demands, or "auto".
+    outline
+        Outline of the sheet in the photo, if it was found.
+    sheet
+        Its straight sides as evidence for a plane.
     """
     found = Hypotheses(evidence, prior, apparent_kind(evidence, kind), outline, sheet)
     if kind == "planar":
@@ -108,6 +91,9 @@ def _is_flat(found: Hypotheses) -> bool:
     if found.rigid and found.plane_by_sides and found.plane.line_count < FEW_LINES:
         return True
     level = found.plane_lines.count == 0 or found.plane_straightness < STRAIGHT
+    if found.rigid and found.plane_straightness >= STRAIGHT:
+        # No fit is needed to see that a bent sheet would not straighten them.
+        level = left_by_bends(found.plane.page_map, found.plane_lines) > CURVED_GAIN
     return level and (found.seems == "planar" or found.plane.sides_believed)
 
 

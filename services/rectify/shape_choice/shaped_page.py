@@ -12,6 +12,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.imaging.ground import Ground
 from services.notices import Notice
+from services.rectify.analysis.found_text import FoundText
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.sheet.outline.results import SheetOutline
 from services.sheet.shape import PageShape
@@ -37,6 +38,8 @@ class ShapedPage:
     """The paper, where it is of one kind up to the photo's frame."""
     corners: Points | None = None
     """Corners (4, 2) of the sheet in photo pixels that a person gave, clockwise from the page's top left; exact."""
+    text: FoundText | None = None
+    """What was found of its text, where its directions were not needed."""
     departure: float | None = None
     """Of a photo that is the page itself: see `sure_departure`; None where its view must show how flat it is."""
     others: Iterator["ShapedPage"] = field(default_factory=lambda: iter(()))

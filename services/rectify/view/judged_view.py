@@ -11,6 +11,7 @@ from services.arrays import Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
 from services.geometry.page_frame import Frame, restore_detail
 from services.notices import Notice
+from services.rectify.effort import WHOLE, Effort
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.held_corners import end_at_corners, hold_corners
@@ -83,8 +84,11 @@ def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
     return smaller and (again.line_straightness or 0.0) <= straight
 
 
-def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop) -> JudgedView:
-    """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it."""
+def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop, effort: Effort = WHOLE) -> JudgedView:
+    """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it.
+
+    By a brief `effort` it is cut at the outline alone, and how flat it is is not measured.
+    """
     boxes = sheet_print(page)
     end = find_paper_end(page, crop, boxes)
     frame = page.frame(end.reach, crop)
@@ -93,16 +97,17 @@ def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop) -> JudgedView:
         frame = _between_corners(frame, page, page.corners, crop, pixels)
     else:
         if crop == "sheet":
-            frame = cut_view(photo, frame, page, end)
+            frame = cut_view(photo, frame, page, end, effort)
         frame = grow_to_print(frame, boxes, page.text_height_px)
-        frame = restore_detail(frame, pixels, page.characters, page.text_height_px)
+        if not effort.is_brief:
+            frame = restore_detail(frame, pixels, page.characters, page.text_height_px)
     kept = kept_print(frame, boxes, end.white)
     size = (photo.shape[1], photo.shape[0])
     return JudgedView(
         page,
         frame,
         end.white,
-        measure_flatness(page, frame),
+        None if effort.is_brief else measure_flatness(page, frame),
         share_kept(boxes, kept),
         print_notices(boxes, kept, size, page.text_height_px),
     )

@@ -1,11 +1,12 @@
-"""Where the paper of a page ends in its photo: asked by the frame, by the cut, and by what is drawn white.
+"""Where the paper of a page ends in its photo: asked by the frame, by the cut, by what is drawn white, by mosaics.
 
 Three things show it, in this order. The ground of a photo that is the page reaches to the photo's frame. An outline was
 followed along the sheet's edge, side by side. And paper is as bright as that under the text, which tells roughly where
-it ends if no edge could be followed.
+it ends if no edge could be followed, and no text lies beyond.
 """
 
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from services.arrays import Floats, Points
 from services.contract.rectify import Crop
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view.outside_text import has_text_outside
 from services.rectify.view.print_kept import hides_print
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 
@@ -30,13 +32,15 @@ class PaperEnd:
     The frame goes to `reach`; None: to where the shape's own frame goes. Beyond `white` it is certain that there is no
     paper, and the view is white there; None: that is nowhere certain. With `whole` the
     sheet's end is known all round, so that lines inside of it are print. What looks like text beyond the sides of a
-    `believed` outline is specks of a desk, and is cut off.
+    `believed` outline is specks of a desk, and is cut off. All ground that is seen to be paper lies in `around`, which
+    is rough; a picture may divide the sheet, and that alone is no end.
     """
 
     reach: Points | None = None
     white: Points | None = None
     whole: bool = False
     believed: bool = False
+    around: Points | None = None
 
 
 def find_paper_end(page: ShapedPage, crop: Crop, boxes: Floats) -> PaperEnd:
@@ -51,30 +55,40 @@ def find_paper_end(page: ShapedPage, crop: Crop, boxes: Floats) -> PaperEnd:
         # Without text the sheet is all that a view can show.
         return PaperEnd(outline.polygon if analysis is None and outline is not None else None)
     if page.ground is not None:
-        found = PaperEnd(white=page.ground.outline, whole=True)
-    elif outline is not None and is_believed(outline, page.characters):
-        found = PaperEnd(outline.polygon, outline.polygon, whole=True, believed=True)
+        found = PaperEnd(white=page.ground.outline, whole=True, around=page.ground.outline)
+    elif is_believed(outline, page.characters):
+        polygon = outline.polygon
+        found = PaperEnd(polygon, polygon, whole=True, believed=True, around=polygon)
     elif analysis is None:
         found = PaperEnd(None if outline is None else outline.polygon)
     else:
-        reach = None if page.shape.ends_at_sides else analysis.paper.outline(analysis.characters)
-        if reach is not None:
-            reach = _within_gutter(reach, analysis)
-        white = None if reach is None else filled_hull(reach)
-        is_flat_sheet = page.shape.kind == "planar" and not analysis.facing_page
-        found = PaperEnd(reach, white, is_flat_sheet and white is not None)
+        found = _end_by_colours(page, analysis)
     # The sheet's end stays known where a few letters stick out of it.
     if found.white is not None and hides_print(found.white, boxes):
         found = replace(found, white=None)
     return found
 
 
-def is_believed(outline: SheetOutline, characters: Points) -> bool:
+def is_believed(outline: SheetOutline | None, characters: Points) -> TypeGuard[SheetOutline]:
     """Whether the paper ends at the `outline`: it is sure, and holds the `characters` (N, 2), if there are any."""
-    if outline.confidence < BELIEVED_CONFIDENCE:
+    if outline is None or outline.confidence < BELIEVED_CONFIDENCE:
         return False
     on_sheet = outline.holds(characters)
     return not len(on_sheet) or float(on_sheet.mean()) >= LEAST_HELD
+
+
+def _end_by_colours(page: ShapedPage, analysis: PageAnalysis) -> PaperEnd:
+    """The end of what is as bright as the ground of the page's text, where no text lies beyond."""
+    reach = analysis.paper.outline(analysis.characters)
+    if reach is None or has_text_outside(analysis, reach):
+        parts = analysis.paper.hull(analysis.characters)
+        return PaperEnd(around=None if parts is None or has_text_outside(analysis, parts) else parts)
+    reach = _within_gutter(reach, analysis)
+    if page.shape.ends_at_sides:
+        return PaperEnd(around=reach)
+    white = filled_hull(reach)
+    is_flat_sheet = page.shape.kind == "planar" and not analysis.facing_page
+    return PaperEnd(reach, white, is_flat_sheet and white is not None, around=reach)
 
 
 def filled_hull(outline: Points) -> Points | None:

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -57,10 +58,7 @@ def sheet_print(page: ShapedPage) -> Floats:
 
 def _on_sheet(page: ShapedPage, characters: Points) -> Mask:
     """Which `characters` (N, 2) are in groups of the size of a word, on the sheet where its outline is seen."""
-    near = cKDTree(characters).query_pairs(REACH * page.text_height_px, output_type="ndarray")
-    count = len(characters)
-    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(count, count))
-    group = connected_components(graph, directed=False)[1]
+    group = groups_within(characters, REACH * page.text_height_px)
     number = np.bincount(group)
     kept = number >= WORD
     if page.outline is not None:
@@ -69,6 +67,13 @@ def _on_sheet(page: ShapedPage, characters: Points) -> Mask:
             # A line that goes on beyond a torn side is print: most of it is on the sheet.
             kept &= 2 * np.bincount(group, inside) >= number
     return np.asarray(kept[group])
+
+
+def groups_within(points: Points, reach: float) -> NDArray[np.intp]:
+    """Numbers (N,) of the groups of `points` (N, 2): steps of at most `reach` lead from point to point of a group."""
+    near = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points), len(points)))
+    return np.asarray(connected_components(graph, directed=False)[1], np.intp)
 
 
 def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float) -> Frame:

@@ -12,6 +12,7 @@ from services.imaging.channels import luminance
 from services.imaging.ground import sides_reached
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
 from services.rectify.analysis.page_analysis import PageAnalysis
+from services.rectify.effort import WHOLE, Effort
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.paper_end import PaperEnd
@@ -41,14 +42,17 @@ LEAST_INK_PX = 12
 """Within a text height of a row or column of the reduced view; fewer are specks."""
 
 
-def cut_view(photo: RgbImage, frame: Frame, page: ShapedPage, end: PaperEnd) -> Frame:
-    """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground."""
+def cut_view(photo: RgbImage, frame: Frame, page: ShapedPage, end: PaperEnd, effort: Effort = WHOLE) -> Frame:
+    """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground.
+
+    A brief `effort` looks at the outline alone.
+    """
     if page.analysis is not None and page.shape.ends_at_sides:
         return frame
     known: frozenset[str] = frozenset()
     if page.outline is not None:
         frame, known = cut_to_outline(frame, page.outline, page.characters, believed=end.believed)
-    if page.analysis is None:
+    if page.analysis is None or effort.is_brief:
         return frame
     frame = crop_to_gutter(frame, page.analysis)
     return cut_to_page(photo, frame, page.analysis, known, whole=end.whole)

@@ -45,6 +45,10 @@ ORDER = 5
 """Highest order of the polynomial that separates a line's characters from descenders and strays."""
 SCALE = 0.12
 """Of Geman and McClure's loss in that fit."""
+KEPT_SHARE = 0.9
+"""Of the points of lines: the others may be strays."""
+BENDS = (5, 2)
+"""Orders of a smooth field of shifts along and across the lines: more than smooth sheets have on one page."""
 DEVIATION_FLOOR = 0.02
 """Of a piece's place: what characters differ in by design."""
 
@@ -324,11 +328,38 @@ def measure_straightness(page_map: PageMap, lines: LineObservations) -> float:
         return float("nan")
     v = page_map.to_page(lines.points)[:, 1]
     J = page_map.jacobians(lines.points)
-    number = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
-    level = np.bincount(lines.index, v, minlength=lines.count) / number
     height = lines.text_height * float(np.median(np.linalg.norm(J[:, 1], axis=1)))
-    rest = np.sort(np.abs(v - level[lines.index]) / height)
-    return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2)))
+    return _trimmed_rms(_about_line_means(v, lines) / height)
+
+
+def left_by_bends(page_map: PageMap, lines: LineObservations) -> float:
+    """Share of `measure_straightness` that the best smooth field of shifts leaves: no bent sheet leaves less.
+
+    Noise of single points stays, whatever is fitted to it; a bend goes on along a line and from line to line.
+    """
+    page = page_map.to_page(lines.points)
+    low, high = page.min(axis=0), page.max(axis=0)
+    u, v = (2 * (page - low) / np.maximum(high - low, 1e-9) - 1).T
+    along = np.polynomial.legendre.legvander(u, BENDS[0])[:, 1:]
+    down = np.polynomial.legendre.legvander(v, BENDS[1])
+    terms = (along[:, :, None] * down[:, None, :]).reshape(len(page), -1)
+    design = np.stack([_about_line_means(term, lines) for term in terms.T], axis=1)
+    rest = _about_line_means(v, lines)
+    near = np.abs(rest) <= np.quantile(np.abs(rest), KEPT_SHARE)
+    shifts = np.linalg.lstsq(design[near], rest[near], rcond=None)[0]
+    return _trimmed_rms(rest - design @ shifts) / _trimmed_rms(rest)
+
+
+def _about_line_means(values: Vector, lines: LineObservations) -> Vector:
+    """`values` (M,) of the lines' points without the mean of each line."""
+    number = np.maximum(np.bincount(lines.index, minlength=lines.count), 1)
+    return np.asarray(values - (np.bincount(lines.index, values, lines.count) / number)[lines.index])
+
+
+def _trimmed_rms(values: Vector) -> float:
+    """RMS of `values` without those that are farthest from 0."""
+    rest = np.sort(np.abs(values))
+    return float(np.sqrt(np.mean(rest[: max(int(KEPT_SHARE * len(rest)), 1)] ** 2)))
 
 
 def measure_bend(lines: LineObservations) -> float:
@@ -344,5 +375,4 @@ def measure_bend(lines: LineObservations) -> float:
     x, y = ((c - (np.bincount(index, c, lines.count) / np.maximum(number, 1))[index]) for c in points.T)
     xx, yy, xy = (np.bincount(index, product, lines.count) for product in (x * x, y * y, x * y))
     along = 0.5 * np.arctan2(2 * xy, xx - yy)[index]
-    rest = np.sort(np.abs(y * np.cos(along) - x * np.sin(along))) / lines.text_height
-    return float(np.sqrt(np.mean(rest[: max(int(0.9 * len(rest)), 1)] ** 2)))
+    return _trimmed_rms((y * np.cos(along) - x * np.sin(along)) / lines.text_height)

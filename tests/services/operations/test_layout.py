@@ -14,6 +14,7 @@ from app.schemas.layout import stored_form
 from services.contract.fields import FieldSetting
 from services.contract.images import DocumentLimits, ImageLimits
 from services.contract.layout import LayoutOptions, LayoutSettings, ModelDocument
+from services.contract.result_json import RecognitionJson
 from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
 from services.layout.model.layout_model import MOST_LABELS
@@ -21,7 +22,7 @@ from services.layout.page import Page, Zone, ZoneWord
 from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition, RecognizedZone
 from services.operations import layout
 from services.operations.layout import recognize_upload
-from services.operations.layout_again import FOUND_AGAIN, recognize_again
+from services.operations.layout_again import recognize_again
 from services.operations.layout_models import (
     import_model,
     import_sample,
@@ -87,7 +88,7 @@ def test_the_page_can_be_recognized_again(model: ModelDocument) -> None:
 def test_a_kept_page_is_found_as_before_by_the_models_of_then(model: ModelDocument) -> None:
     reply = recognize_upload(None, as_json(LETTERS[2]), None, [model], LayoutOptions(), SETTINGS)
     again = recognize_again(reply.page, [model], SETTINGS, False)
-    assert again == {name: as_json_of(reply)[name] for name in FOUND_AGAIN}
+    assert again == {name: as_json_of(reply)[name] for name in RecognitionJson.__annotations__}
     newer = recognize_again(reply.page, [replace(model, version=8)], SETTINGS, True)
     assert newer["class"]["model_version"] == 8
 

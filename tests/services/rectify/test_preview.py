@@ -8,9 +8,11 @@ import pytest
 
 from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import NoText
-from services.rectify.preview import SEEMS_CURVED, line_direction, preview_page
+from services.rectify.effort import BRIEF
+from services.rectify.pipeline import rectify
 from services.rectify.preview_scale import enlarge, reduce_parameters
 from services.rectify.results import RectifyResult
+from services.rectify.shape_choice.brief_choice import SEEMS_CURVED, line_direction
 from services.sheet.surfaces import StripsSurface
 from simulation.degradation import Degradation
 from simulation.pages import own_pages
@@ -32,7 +34,7 @@ def shot(shape: Shape, *, desk: bool) -> SimulatedPhoto:
 @pytest.fixture(scope="module")
 def planar() -> tuple[SimulatedPhoto, RectifyResult]:
     photo = shot(PLANE, desk=True)
-    return photo, preview_page(photo.image, AS_IT_LIES)
+    return photo, rectify(photo.image, AS_IT_LIES, effort=BRIEF)
 
 
 def test_the_sides_of_a_sheet_show_where_it_lies(planar: tuple[SimulatedPhoto, RectifyResult]) -> None:
@@ -49,14 +51,14 @@ def test_text_alone_shows_where_a_plane_lies(planar: tuple[SimulatedPhoto, Recti
         np.array([[150.0, 150.0], [650.0, 150.0], [650.0, 1100.0], [150.0, 1100.0]])
     )
     region = tuple((float(x), float(y)) for x, y in corners)
-    result = preview_page(photo.image, RectifyParameters(upright=False, region=region))
+    result = rectify(photo.image, RectifyParameters(upright=False, region=region), effort=BRIEF)
     assert result.evidence.source == ("text",)
     assert mesh_residual(result, photo) < 0.02
 
 
 def test_a_bent_sheet_is_a_mesh_between_its_sides() -> None:
     photo = shot(BOOK, desk=True)
-    result = preview_page(photo.image, AS_IT_LIES)
+    result = rectify(photo.image, AS_IT_LIES, effort=BRIEF)
     assert result.kind == "curved"
     assert mesh_residual(result, photo) < 0.005, "a plane leaves 0.1"
 
@@ -82,7 +84,9 @@ def bent(request: pytest.FixtureRequest) -> Bent:
     photo = simulate_photo(page, shape, skew_rad, pose, camera)
     # Rulings along straight lines leave the directions of text nearly those of a plane, so they are demanded.
     kind: PageKind = "auto" if skew_rad == 0.0 else "curved"
-    return Bent(photo, preview_page(photo.image, RectifyParameters(upright=False, kind=kind)), *allowed)
+    return Bent(
+        photo, rectify(photo.image, RectifyParameters(upright=False, kind=kind), effort=BRIEF), *allowed
+    )
 
 
 def test_text_alone_shows_how_a_sheet_is_bent(bent: Bent) -> None:
@@ -90,7 +94,7 @@ def test_text_alone_shows_how_a_sheet_is_bent(bent: Bent) -> None:
     assert (result.kind, result.evidence.source) == ("curved", ("text",))
     assert isinstance(result.surface, StripsSurface)
     assert SEEMS_CURVED not in result.warnings
-    plane = preview_page(photo.image, RectifyParameters(upright=False, kind="planar"))
+    plane = rectify(photo.image, RectifyParameters(upright=False, kind="planar"), effort=BRIEF)
     assert plane.kind == "planar"
     assert mesh_residual(plane, photo) > 0.015
     assert mesh_residual(result, photo) < min(bent.largest, bent.share_of_plane * mesh_residual(plane, photo))
@@ -98,7 +102,9 @@ def test_text_alone_shows_how_a_sheet_is_bent(bent: Bent) -> None:
 
 def test_a_flat_page_is_not_bent(planar: tuple[SimulatedPhoto, RectifyResult]) -> None:
     region = tuple((float(x), float(y)) for x, y in planar[1].mesh[[3, 3, -4, -4], [3, -4, -4, 3]])
-    result = preview_page(planar[0].image, RectifyParameters(upright=False, region=region, kind="curved"))
+    result = rectify(
+        planar[0].image, RectifyParameters(upright=False, region=region, kind="curved"), effort=BRIEF
+    )
     assert mesh_residual(result, planar[0]) < 0.02, "also where a bent sheet is demanded"
 
 
@@ -146,4 +152,4 @@ def test_neighbours_lie_along_the_lines(turn_rad: float) -> None:
 def test_a_photo_of_nothing_is_refused() -> None:
     blank = cv2.GaussianBlur(np.random.default_rng(2).integers(90, 110, (400, 300, 3), np.uint8), (0, 0), 5)
     with pytest.raises(NoText):
-        preview_page(np.asarray(blank, np.uint8), AS_IT_LIES)
+        rectify(np.asarray(blank, np.uint8), AS_IT_LIES, effort=BRIEF)

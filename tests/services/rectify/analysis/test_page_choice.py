@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from services.contract.rectify import RectifyParameters
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.analysis.page_choice import PageChoice, choose_page
+from services.rectify.effort import BRIEF
 from services.rectify.pipeline import rectify
-from services.rectify.preview import preview_page
 from simulation.degradation import PHONE, degrade, desk_texture
 from simulation.flat_page import Page
 from simulation.pages import own_pages
@@ -108,7 +108,7 @@ def test_of_two_whole_pages_one_is_shown_and_the_answer_says_so() -> None:
 def test_a_preview_by_text_shows_one_of_two_pages(shape: Plane | Cylinder) -> None:
     photo, left = spread(0, 3, LEANING, shape)
     seen = np.ascontiguousarray(photo[:, : 40 + SIZE[0] + 270])
-    result = preview_page(seen, RectifyParameters(upright=False))
+    result = rectify(seen, RectifyParameters(upright=False), effort=BRIEF)
     assert result.evidence.source == ("text",)
     assert "facing-page" in [notice.code for notice in result.warnings]
     at = np.round(result.mesh[4:-4, 4:-4].reshape(-1, 2)).astype(int)

@@ -12,7 +12,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.page_analysis import analyse_photo
-from services.rectify.shape_choice.choice import choose_shape, rank_shapes
+from services.rectify.shape_choice.choice import rank_shapes
 from services.rectify.shape_choice.hypotheses import STRAIGHT_SIDE, Hypotheses
 from services.sheet.curved_page import CurvedPage, estimate_curved_page
 from services.sheet.evidence import PageEvidence
@@ -70,10 +70,10 @@ def chosen(name: str, kind: PageKind = "auto", *, outlined: bool = True) -> Page
     evidence, outline, _ = seen(name)
     prior = prior_of(name)
     if not outlined:
-        return choose_shape(evidence, prior, kind)
+        return next(rank_shapes(evidence, prior, kind))
     sheet = read_sides(outline, VIEW, prior)
     assert sheet is not None
-    return choose_shape(evidence, prior, kind, outline, sheet)
+    return next(rank_shapes(evidence, prior, kind, outline, sheet))
 
 
 def errors_at_text(name: str, page_map: PageMap) -> Vector:
@@ -217,7 +217,7 @@ def test_no_plane_is_fitted_to_a_page_that_is_clearly_bent(
         return pose.choose_pose(*given, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr("services.rectify.shape_choice.hypotheses.choose_pose", choose_pose)
-    assert isinstance(choose_shape(evidence, prior, "auto", outline, None), wanted)
+    assert isinstance(next(rank_shapes(evidence, prior, "auto", outline)), wanted)
     assert not fitted
-    assert isinstance(choose_shape(evidence, prior, "planar", outline, None), PlanarPage)
+    assert isinstance(next(rank_shapes(evidence, prior, "planar", outline)), PlanarPage)
     assert fitted == [name]

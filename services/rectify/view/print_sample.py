@@ -2,24 +2,24 @@
 
 import numpy as np
 
-from services.arrays import Mask, Vector
-from services.rectify.analysis.page_analysis import PageAnalysis
+from services.arrays import Vector
 from services.rectify.results import PrintSample
+from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.texture_flow.text_identification import FEWEST_CHARACTERS, IdentifiedText
 
 WORD = 2.0
 """Length over height of a box, from which it is that of a word whose letters touch."""
 
 
-def sample_print(analysis: PageAnalysis, on_page: Mask) -> PrintSample | None:
-    """Characters of the page with their heights; None if there are too few for text.
-
-    `on_page` (N,) marks those of the characters that were found that belong to the page.
-    """
+def sample_print(page: ShapedPage) -> PrintSample | None:
+    """Characters of the page with their heights; None if there are too few for text."""
+    seen = page.text or page.analysis
+    if seen is None:
+        return None
+    on_page = page.on_page if seen is page.analysis else np.ones(len(seen.characters), bool)
     if np.count_nonzero(on_page) < FEWEST_CHARACTERS:
         return None
-    heights = print_heights(analysis.text) / analysis.factor
-    return PrintSample(analysis.characters[on_page], heights[on_page])
+    return PrintSample(seen.characters[on_page], (print_heights(seen.text) / seen.factor)[on_page])
 
 
 def print_heights(text: IdentifiedText) -> Vector:
