@@ -1,7 +1,7 @@
 """`python -m app.http.own_certificate FILE` makes a certificate for this machine, where FILE has no valid one.
 
 Browsers open a camera, share and install a page over TLS only. A browser that does not know the certificate asks its
-user once. It is made by the program `openssl`, and says where the page is.
+user once. It is made by the program `openssl`. The address is printed, also as a QR code for a phone's camera.
 """
 
 import os
@@ -10,6 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+import segno
 
 VALID_DAYS = 398
 """Browsers refuse certificates that are valid for longer."""
@@ -84,7 +86,6 @@ if __name__ == "__main__":
             make_certificate(target, here)
     except (OSError, subprocess.CalledProcessError) as error:
         sys.exit(f"The certificate could not be made (Debian: openssl): {error}")
-    port = os.environ.get("PORT", "8000")
-    print(
-        f"The page is at https://{here[0]}:{port}/. The browser asks once whether to trust its certificate."
-    )
+    page = f"https://{here[0]}:{os.environ.get('PORT', '8000')}/"
+    print(f"The page is at {page}. The browser asks once whether to trust its certificate.")
+    segno.make(page, micro=False).terminal(compact=True)

@@ -83,8 +83,8 @@ export function confirmed(title, text, action) {
       make(
         "p",
         { class: "row" },
-        make("button", { value: "yes", class: "primary" }, action),
-        make("button", { value: "no", autofocus: true }, "Cancel"),
+        make("button", { value: "no", class: "primary", autofocus: true }, "Cancel"),
+        make("button", { value: "yes" }, action),
       ),
     ),
   );

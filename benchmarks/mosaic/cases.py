@@ -10,15 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common.plots import load_picture
+from benchmarks.rectify.sheet_experiments import FOLDED
 from services.arrays import RgbImage
 from services.geometry.homographies import denominators, transform_points
 from simulation.flat_page import Page, Points
 from simulation.letter_pages import letter_pages
 from simulation.mosaic_sets import GENTLE_CURVE, OVERLAPS, photograph_set
 from simulation.pages import load_page
+from simulation.scenes import BOOK, CONE, WAVE
+from simulation.surfaces import Shape
+from simulation.truth import Truth
 
 COUNTS = (2, 4, 8)
 REPEATS = 3
+BENT: dict[str, Shape | None] = {
+    "gentle": GENTLE_CURVE,
+    "book": BOOK,
+    "wave": WAVE,
+    "cone": CONE,
+    "folded": None,
+}
+"""Kinds of bent sheets; each folded one is folded otherwise."""
+BENT_SETS = 6
+"""Of each kind."""
 PAGES = ("amsldoc", "aastex", "patent", "natbib", "quantum", "revtex", "usrguide", "clsguide", "lion", "apa7")
 """Flat pages of the data, where it is there: one and two columns, code, tables, mathematics."""
 
@@ -74,9 +88,9 @@ class TrueSet:
 
 @dataclass(frozen=True, slots=True)
 class MosaicCase:
-    """One set. `kind` is "shared", "own", "curved" or "turned"; the others are of our own simulation too.
+    """One set. `kind` is "shared", "own", "curved", "turned" or "bent"; the others are of our own simulation too.
 
-    `page` is the name of its flat page, or of the set's folder if it is shared.
+    `page` is the name of its flat page, or of the set's folder if it is shared; `sheet` is the kind of a bent sheet.
     """
 
     kind: str
@@ -84,12 +98,15 @@ class MosaicCase:
     overlap: float
     page: str
     number: int = 0
+    sheet: str = ""
 
     @property
     def name(self) -> str:
         """As figures are filed under."""
         if self.kind == "shared":
             return self.page
+        if self.kind == "bent":
+            return f"bent_{self.sheet}_{self.number}_n{self.count}_o{round(100 * self.overlap)}"
         return f"{self.kind}_n{self.count}_o{round(100 * self.overlap)}_{self.number}_{self.page}"
 
 
@@ -125,6 +142,17 @@ def further_cases(kind: str, pages: Sequence[str]) -> list[MosaicCase]:
     ]
 
 
+def bent_cases(pages: Sequence[str]) -> list[MosaicCase]:
+    """Sheets of all kinds in turns, in two and four photos, so that any first few are varied."""
+    cases = []
+    for number in range(BENT_SETS):
+        for i, sheet in enumerate(BENT):
+            count, overlap = ((2, 0.4), (4, 0.4), (4, 0.2))[(number + i) % 3]
+            page = pages[(7 * number + i) % len(pages)]
+            cases.append(MosaicCase("bent", count, overlap, page, number, sheet))
+    return cases
+
+
 def load_flat_pages(data: Path) -> Mapping[str, Page]:
     """The data's flat pages, else our own, and always our coloured one."""
     files = [data / "pages" / f"{name}.png" for name in PAGES]
@@ -138,15 +166,18 @@ def load_case(case: MosaicCase, data: Path, pages: Mapping[str, Page]) -> TrueSe
     if case.kind == "shared":
         return _load_shared(data / "mosaic" / case.page)
     page = pages[case.page]
-    seed = [case.count, round(100 * case.overlap), case.number, *case.kind.encode()]
-    made = photograph_set(
-        page,
-        case.count,
-        case.overlap,
-        np.random.default_rng(seed),
-        shape=GENTLE_CURVE if case.kind == "curved" else None,
-        turned=case.count // 2 if case.kind == "turned" else 0,
-    )
+    seed = [case.count, round(100 * case.overlap), case.number, *f"{case.kind}{case.sheet}".encode()]
+    rng, hidden = np.random.default_rng(seed), True
+    while hidden:
+        made = photograph_set(
+            page,
+            case.count,
+            case.overlap,
+            rng,
+            shape=_shape(case),
+            turned=case.count // 2 if case.kind == "turned" else 0,
+        )
+        hidden = any(_hides_itself(photo.truth) for photo in made.photos)
     words = [word for line in page.lines for word in line]
     boxes = np.array([word.box for word in words])
     x0, y0 = boxes[:, :2].min(axis=0)
@@ -161,6 +192,23 @@ def load_case(case: MosaicCase, data: Path, pages: Mapping[str, Page]) -> TrueSe
         tuple(" ".join(word.text for word in line) for line in page.lines),
         made.overlaps,
     )
+
+
+def _shape(case: MosaicCase) -> Shape | None:
+    if case.kind == "curved":
+        return GENTLE_CURVE
+    return FOLDED[case.number] if case.sheet == "folded" else BENT.get(case.sheet)
+
+
+def _hides_itself(truth: Truth) -> bool:
+    """Whether a ray to some point of the page meets the sheet before."""
+    x, y = np.linspace(0, truth.page.width - 1, 40), np.linspace(0, truth.page.height - 1, 50)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    seen = truth.page_to_photo(points)
+    with np.errstate(invalid="ignore"):
+        shown = np.all((seen >= 0) & (seen <= [truth.camera.width - 1, truth.camera.height - 1]), axis=1)
+    apart = np.hypot(*(truth.photo_to_page(seen[shown]) - points[shown]).T)
+    return not bool(np.all(apart <= 1.0))
 
 
 def _load_shared(folder: Path) -> TrueSet:

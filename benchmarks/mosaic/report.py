@@ -108,7 +108,7 @@ def _groups(sets: Sequence[SetFigures]) -> dict[str, list[SetFigures]]:
     for count in (2, 4, 8):
         rows[f"{count} photos"] = [entry for entry in plain if entry.photos == count]
     rows["shared"] = [entry for entry in plain if entry.kind == "shared"]
-    for kind in ("curved", "turned"):
+    for kind in ("curved", "turned", "bent"):
         rows[kind] = [entry for entry in sets if entry.kind == kind]
     return {label: members for label, members in rows.items() if members}
 

@@ -1,6 +1,6 @@
 """Mosaics of simulated photos with the truth of each, peers on the same photos.
 
-python -m benchmarks mosaic_simulated [--sets shared|own|curved|turned|all] [--limit N] [--peers] [--no-reading]
+python -m benchmarks mosaic_simulated [--sets shared|own|curved|turned|bent|all] [--limit N] [--peers] [--no-reading]
 """
 
 import argparse
@@ -22,6 +22,7 @@ from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.mosaic.cases import (
     MosaicCase,
     TrueSet,
+    bent_cases,
     further_cases,
     load_case,
     load_flat_pages,
@@ -35,7 +36,7 @@ from benchmarks.mosaic.subject import assemble_fresh
 from services.arrays import RgbImage
 
 NAME = "mosaic_simulated"
-KINDS = ("shared", "own", "curved", "turned")
+KINDS = ("shared", "own", "curved", "turned", "bent")
 _STRIP_HEIGHT_PX = 300
 
 
@@ -154,7 +155,8 @@ def choose_cases(kinds: Sequence[str], data: Path, limit: int | None) -> list[Mo
             if not found:
                 print(f"no sets in {data}/mosaic: our own alone are measured", file=sys.stderr)
         else:
-            found = own_cases(pages) if kind == "own" else further_cases(kind, pages)
+            made = {"own": own_cases, "bent": bent_cases}
+            found = made[kind](pages) if kind in made else further_cases(kind, pages)
         cases += found[:limit]
     return cases
 

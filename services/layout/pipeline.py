@@ -13,6 +13,7 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
 from services.layout.grouping.joining import find_groups
+from services.layout.grouping.line_parts import take_out_parts, with_single_zones
 from services.layout.grouping.merged_zones import with_merged_doubts
 from services.layout.grouping.regrouping import regroup_page
 from services.layout.learning.initialization import initialize_model
@@ -150,10 +151,38 @@ def complete_recognition(
 ) -> Recognition:
     """A recognition with its zones regrouped, if we segmented the page, and with labels that can be believed."""
     if fine is not None:
+        fine, seen = _with_parts(fine, seen, models, parameters, features)
         seen = regroup(fine, seen, models, parameters, features)
     if seen.chosen is not None:
-        seen = with_merged_doubts(seen, _pieces_of(_chosen(seen, models)))
+        best = _chosen(seen, models)
+        seen = with_single_zones(with_merged_doubts(seen, _pieces_of(best)), best.model)
     return with_believable_labels(seen, models)
+
+
+def _with_parts(
+    fine: FinePage,
+    seen: Recognition,
+    models: Sequence[VersionedModel],
+    parameters: RecognitionParameters | None = None,
+    features: ContentFeatures | None = None,
+) -> tuple[FinePage, Recognition]:
+    """The page with the parts of its lines that the nearest class labels taken out, and its recognition.
+
+    A page that fits no class may fit one with its parts apart: then all classes compete again.
+    """
+    if not seen.classes:
+        return fine, seen
+    features = features or content_features()
+    parameters = parameters or RecognitionParameters()
+    nearest = next(each for each in models if each.model.name == seen.classes[0].name)
+    cut = take_out_parts(fine, nearest.model, features)
+    if cut is fine:
+        return fine, seen
+    page = features.measure_page(compose_page(cut))
+    if seen.chosen is not None:
+        return cut, relabelled(seen, page, nearest, features.names, parameters)
+    again = recognize_page(page, models, features.names, parameters)
+    return (fine, seen) if again.chosen is None else (cut, again)
 
 
 def regroup(
@@ -172,8 +201,8 @@ def regroup(
         return seen
     features = features or content_features()
     parameters = parameters or RecognitionParameters()
-    seen, lines = regroup_pieces(fine, seen, models, parameters, features)
     best = _chosen(seen, models)
+    seen, lines = regroup_pieces(fine, seen, models, parameters, features)
     joined = _join_pieces(fine, seen, lines, best, features)
     if joined is seen:
         return seen

@@ -94,13 +94,11 @@ def describe_camera(joint: JointSheet, photo: FlatPhoto) -> SheetCamera:
     )
 
 
-def describe_sheet(joint: JointSheet, photos: Mapping[int, FlatPhoto]) -> SheetSurface:
+def describe_sheet(joint: JointSheet) -> SheetSurface:
     """The sheet that all photos show."""
-    page = photos[joint.reference].page
-    assert page is not None
     mesh = joint.mesh.resampled(min(joint.mesh.columns, DESCRIBED_COLUMNS))
     return SheetSurface(
-        kind="creased" if joint.fitted or page.shape.ends_at_sides else "smooth",
+        kind=joint.kind,
         reference=joint.reference,
         fitted=joint.fitted,
         residual_text_heights=round(joint.residual, 4),

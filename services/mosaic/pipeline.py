@@ -139,7 +139,7 @@ def mosaic(
         orientation,
         (*notices, notice) if notice else tuple(notices),
         clock.timings_ms,
-        None if part.joint is None else describe_sheet(part.joint, flats),
+        None if part.joint is None else describe_sheet(part.joint),
     )
 
 

@@ -62,7 +62,7 @@ def adapt_models(
         _check_labels(right.name, {*right.labels, *given})
     try:
         labels, learned = feedback.adapt_models(
-            read, named, {stored.name: stored.learner for stored in models}, features.names
+            read, named, {stored.name: stored.learner for stored in models}, features.names, features
         )
     except feedback.LabelsMissing as error:
         raise InvalidOption(

@@ -29,7 +29,8 @@ from services.sheet.developable.observations import (
     PageObservations,
     SideObservations,
 )
-from services.sheet.developable.residuals import BENDS, FittingParameters
+from services.sheet.developable.print_residuals import FittingParameters
+from services.sheet.developable.residuals import BENDS
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.developable.variation import TURN
 from services.sheet.evidence import PageEvidence

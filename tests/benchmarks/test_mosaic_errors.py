@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from benchmarks.mosaic.cases import COUNTS, HomographyMap, MosaicCase, TrueSet, own_cases
+from benchmarks.mosaic.cases import (
+    BENT,
+    BENT_SETS,
+    COUNTS,
+    HomographyMap,
+    MosaicCase,
+    TrueSet,
+    bent_cases,
+    own_cases,
+)
 from benchmarks.mosaic.errors import measure_placement, mesh_at, mesh_of_homography
 from benchmarks.mosaic.peers import chain
 from services.geometry.homographies import scaling, transform_points, translation
@@ -137,3 +146,10 @@ def test_the_chain_places_upright_photos_of_scale_one() -> None:
     assert answer.meshes is not None
     offset = answer.meshes[1][0, 0] - answer.meshes[0][0, 0]
     assert np.abs(offset) == pytest.approx([0, 600], abs=2)
+
+
+def test_bent_sets_are_varied_and_have_names_of_their_own() -> None:
+    cases = bent_cases(["one", "two", "three"])
+    assert len({case.name for case in cases}) == len(cases) == BENT_SETS * len(BENT)
+    assert {case.sheet for case in cases[: len(BENT)]} == set(BENT)
+    assert {(case.count, case.overlap) for case in cases} == {(2, 0.4), (4, 0.4), (4, 0.2)}

@@ -2,8 +2,6 @@
 
 import io
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -340,22 +338,3 @@ def test_the_pdf_is_shared_where_the_browser_can(browser: Browser, scripted: str
         assert page.evaluate("window.shared") == "Letter.pdf application/pdf"
         assert visit.count("POST /pages/bind") == 1
         visit.check()
-
-
-def test_over_tls_with_a_certificate_of_its_own(browser: Browser, tmp_path: Path) -> None:
-    file = tmp_path / "own" / "certificate.pem"
-    command = [sys.executable, "-m", "app.http.own_certificate", str(file)]
-    said = [
-        subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout for _ in range(2)
-    ]
-    assert said[0] == said[1]
-    assert "https://" in said[0]
-    assert file.stat().st_mode & 0o077 == 0
-    with running(workers=1, tls_certificate=file) as service:
-        url = service.url.replace("http:", "https:")
-        assert httpx.get(url + "/health/live", verify=str(file)).status_code == 200
-        with visiting(browser, url, ignore_https_errors=True) as visit:
-            assert visit.page.evaluate("isSecureContext")
-            choose(visit.page)
-            is_ready(visit.page)
-            visit.check()

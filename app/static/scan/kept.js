@@ -34,24 +34,29 @@ export const shown = (result) => ({
 export class Kept {
   /** `pages` is a `Pages`. */
   constructor(pages) {
-    Object.assign(this, { pages, canRead: true, atOnce: 1, changes: new Map(), readings: new Map() });
+    Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, changes: new Map(), readings: new Map() });
   }
 
-  /** Answers again about a page with what the person says: `wish` makes the body, after all earlier changes are done. */
-  change(page, wish) {
+  /**
+   * Answers again about a page with what the person says: `wish` makes the body, after all earlier changes are done.
+   * Quarter `turns` of it are shown meanwhile.
+   */
+  change(page, wish, turns = 0) {
     const before = this.changes.get(page.key) ?? Promise.resolve();
-    const done = before.then(() => this.render(page, wish(page.facts)));
+    this.pages.update(page, { turns: (page.turns ?? 0) + turns });
+    const done = before.then(() => this.render(page, wish(page.facts), turns));
     this.changes.set(page.key, done);
     return done;
   }
 
-  async render(page, wish) {
+  async render(page, wish, turns) {
     this.pages.update(page, { isChanging: true, problem: null });
     try {
       const changed = shown(await post(`pages/${page.id}/render`, { ...SHOWN, ...wish }));
       if (page.facts.places && !("rotate" in wish)) changed.facts.places = page.facts.places;
-      await this.pages.update(page, { ...changed, isChanging: false });
+      await this.pages.update(page, { ...changed, isChanging: false, turns: page.turns - turns });
     } catch (error) {
+      page.turns -= turns;
       this.refused(page, error);
     }
   }
@@ -63,8 +68,9 @@ export class Kept {
 
   /** Reads pages that are flat and not read yet, some at once, so that a searchable file is made quickly. */
   async readAhead() {
-    if (!this.canRead) return;
-    const begun = this.unread().slice(0, Math.max(0, this.atOnce - this.readings.size));
+    if (!this.canRead || !this.pages.isHere) return;
+    const room = this.atOnce - this.busy - this.readings.size; // `busy` of the workers flatten
+    const begun = this.unread().slice(0, Math.max(this.readings.size ? 0 : 1, room));
     await Promise.all(begun.map((page) => this.read(page).then(() => this.readAhead())));
   }
 
@@ -135,6 +141,6 @@ export class Kept {
 
   /** Deletes the kept pages of answers. */
   async forget(results) {
-    for (const { page_id: id } of results) await request("DELETE", `pages/${id}`).catch(() => {});
+    for (const { page_id: id } of results) if (id) await request("DELETE", `pages/${id}`).catch(() => {});
   }
 }

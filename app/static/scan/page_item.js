@@ -3,6 +3,7 @@
 import { button, checkbox, make, select } from "../elements.js";
 import { showImage } from "../pictures.js";
 import { drawPlaces, emptyDrawing } from "./overlay.js";
+import { filesKeyOf } from "./pages.js";
 import { filesOf } from "./storage.js";
 import { LOOKS, problemText, stateText, warningsOf } from "./words.js";
 
@@ -12,10 +13,10 @@ function sign(mark, text, action) {
 }
 
 export class PageItem {
-  /** `act` has what the buttons do: corners, rotate, look, lookForAll, move, remove, view, again, addTo. */
+  /** `act` has what the buttons do: corners, rotate, both, look, lookForAll, move, remove, view, again, addTo. */
   constructor(page, act) {
     Object.assign(this, { page, shownPicture: null });
-    this.title = make("h2", {});
+    this.title = make("h2", { tabindex: "-1" });
     this.names = make("p", { class: "file-name" });
     this.flat = make("img", { alt: "Flat page", onclick: () => act.view(page) });
     this.stage = make("div", { class: "stage sheet" }, this.flat);
@@ -27,12 +28,13 @@ export class PageItem {
     this.forAll = button("For all", () => act.lookForAll(page));
     this.corners = button("Corners", () => act.corners(page));
     this.rotate = button("Rotate", () => act.rotate(page));
+    this.both = button("Both pages", () => act.both(page));
     this.open = button("View", () => act.view(page));
     this.again = button("Try again", () => act.again(page));
     this.more = make("label", { class: "more" }, "Add parts ", this.chooser(page, act));
     this.earlier = sign("\u2190", "Move earlier", () => act.move(page, -1));
     this.later = sign("\u2192", "Move later", () => act.move(page, 1));
-    this.tools = make("div", { class: "row page-tools" }, this.corners, this.rotate, this.open, this.again, this.more);
+    this.tools = make("div", { class: "row page-tools" }, this.corners, this.rotate, this.open, this.both, this.again, this.more);
     this.lookRow = make("div", { class: "look" }, make("label", { for: this.look.id }, "Look"), this.look, this.forAll);
     const order = make("div", { class: "row page-tools order" }, this.earlier, this.later, button("Remove", () => act.remove(page), "quiet"));
     const head = make("div", { class: "page-head" }, this.title, this.state);
@@ -49,6 +51,7 @@ export class PageItem {
   /** Shows what the page is now; it is number `number` of `count`. */
   async show(number, count) {
     const { page } = this;
+    const focused = this.element.contains(document.activeElement) && document.activeElement;
     const isReady = page.state === "ready";
     const isJoined = page.kind === "joined";
     this.title.textContent = `Page ${number}`;
@@ -59,6 +62,7 @@ export class PageItem {
     this.state.textContent = isJoined && page.state === "waiting" && page.names.length < 2 ? "Add the other photos" : stateText(page);
     this.corners.hidden = !isReady || isJoined;
     this.rotate.hidden = this.lookRow.hidden = this.open.hidden = !isReady;
+    this.both.hidden = !isReady || page.kind !== "page" || Boolean(page.part);
     this.again.hidden = page.state !== "failed";
     this.more.hidden = !isJoined || page.state === "working";
     this.look.value = page.look;
@@ -66,6 +70,7 @@ export class PageItem {
     this.later.disabled = number === count;
     this.forAll.hidden = count < 2;
     this.showNotes();
+    if (focused && (focused.disabled || focused.closest("[hidden]"))) this.title.focus();
     await Promise.all([this.showPicture(), this.photoNames === String(page.names) ? null : this.showPhotos()]);
   }
 
@@ -90,12 +95,21 @@ export class PageItem {
     const { picture, facts } = this.page;
     this.stage.hidden = !picture;
     this.photos.hidden = Boolean(picture);
-    if (!picture || picture === this.shownPicture) return;
+    if (!picture) return;
+    if (picture === this.shownPicture) return this.showTurns();
     this.shownPicture = picture;
     await showImage(this.flat, picture);
+    this.showTurns();
     this.stage.querySelector("svg")?.remove();
     this.map?.remove();
     if (facts.places) this.showPlaces(facts);
+  }
+
+  /** The picture as it will be after turns that are under way, within its place. */
+  showTurns() {
+    const { turns, facts } = this.page;
+    const fit = turns % 2 ? Math.min(facts.width, facts.height) / Math.max(facts.width, facts.height) : 1;
+    this.stage.style.transform = turns ? `rotate(${90 * turns}deg) scale(${fit})` : "";
   }
 
   /** Where each photo of a joined page lies. */
@@ -111,7 +125,7 @@ export class PageItem {
   async showPhotos() {
     const { page } = this;
     this.photoNames = String(page.names);
-    const files = page.picture ? [] : await filesOf(page.key);
+    const files = page.picture ? [] : await filesOf(filesKeyOf(page));
     const shown = files.map(async (file, index) => {
       const picture = make("img", { alt: files.length > 1 ? `Photo ${index + 1}` : "Photo" });
       await showImage(picture, file);

@@ -1,20 +1,25 @@
 // The pages of the scan screen in their order. A change of one is stored in the browser and told to who listens.
 
-import { filesOf, forgetPage, storedPages, storedSettings, storeFiles, storePage, storeSettings } from "./storage.js";
+import { filesOf, forgetFiles, forgetPage, storedPages, storedSettings, storeFiles, storePage, storeSettings } from "./storage.js";
 
 const SETTINGS = { name: "", language: "", look: "normalize", photos: "page" };
 
 /** A name that no other page has. `crypto.randomUUID` exists over TLS only. */
 const newKey = () => Array.from(crypto.getRandomValues(new Uint32Array(4)), (part) => part.toString(36)).join("-");
 
+/** The key of the files of a page: its own, or that of the page that came of the same file before. */
+export const filesKeyOf = (page) => page.filesKey ?? page.key;
+
 /**
  * A page is an object of
  * - `key`, `place` (its number in the order), `kind` ("page"; "spread": both pages of a book; "joined": of many photos),
  *   `names` of its files,
  * - `state`: "waiting", "working", "ready" or "failed" (with `problem`); `job` while the service works at it,
- * - `part`: which part of its file it is, where that has several: "left" and "right" of a book, or "page 2",
+ * - `part`: which part of its file it is, where that has several: "left" and "right" of a book, or "page 2", and `index`,
+ *   its number in the answer about the file; `filesKey`: the key of its files, which all pages of a file share,
  * - `id` of the kept page, `picture` (a Blob), `facts` and `look`, once it is flat; `readIn`: the language of its text,
- * - `isChanging` while another picture of it is on its way (not stored).
+ * - `isChanging` while another picture of it is on its way, `turns`: quarter turns that its picture does not show yet
+ *   (neither is stored).
  *
  * Events: "list" (the pages or their order), "page" (`detail` is the page).
  */
@@ -23,6 +28,7 @@ export class Pages extends EventTarget {
     super();
     this.list = [];
     this.settings = { ...SETTINGS };
+    this.isHere = true; // whether this tab has the pages, and no other
     this.loaded = this.load();
   }
 
@@ -30,7 +36,8 @@ export class Pages extends EventTarget {
   async load() {
     this.settings = { ...SETTINGS, ...(await storedSettings()) };
     const stored = (await storedPages()).map((page) => ({ ...page, state: page.state === "working" ? "waiting" : page.state }));
-    this.list = stored.sort((a, b) => a.place - b.place);
+    const own = new Map(this.list.map((page) => [page.key, page])); // what is under way goes on with the same object
+    this.list = stored.map((page) => Object.assign(own.get(page.key) ?? {}, page)).sort((a, b) => a.place - b.place);
   }
 
   tell(name, detail) {
@@ -40,7 +47,7 @@ export class Pages extends EventTarget {
   async set(settings) {
     await this.loaded; // a person may be faster than the browser
     Object.assign(this.settings, settings);
-    return storeSettings(this.settings);
+    return this.isHere && storeSettings(this.settings);
   }
 
   /** Adds photos at the end: each a page, or all of them one page that is joined. */
@@ -59,8 +66,8 @@ export class Pages extends EventTarget {
 
   /** Adds photos to a page that is joined of many. */
   async addTo(page, files) {
-    const all = [...(await filesOf(page.key)), ...files];
-    await storeFiles(page.key, all);
+    const all = [...(await filesOf(filesKeyOf(page))), ...files];
+    await storeFiles(filesKeyOf(page), all);
     this.update(page, { names: all.map((file) => file.name), state: "waiting", problem: null, id: null, job: null });
   }
 
@@ -77,14 +84,15 @@ export class Pages extends EventTarget {
     const added = { ...this.newPage(more), place };
     this.list.splice(this.list.indexOf(page) + 1, 0, added);
     this.tell("list");
-    return storePage(added);
+    return this.isHere && storePage(added);
   }
 
   update(page, changes) {
     Object.assign(page, changes);
     if (!this.list.includes(page)) return undefined; // it was removed meanwhile
     this.tell("page", page);
-    const { isChanging, ...stored } = page;
+    if (!this.isHere) return undefined; // another tab has the pages: it stores them
+    const { isChanging, turns, ...stored } = page;
     return storePage(stored);
   }
 
@@ -103,6 +111,8 @@ export class Pages extends EventTarget {
     this.list = this.list.filter((one) => one !== page);
     this.tell("list");
     await forgetPage(page.key);
+    const files = filesKeyOf(page);
+    if (!this.list.some((one) => filesKeyOf(one) === files)) await forgetFiles(files);
   }
 
   /** Numbers for a line such as "2 of 3 pages are ready". */

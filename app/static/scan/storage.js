@@ -45,8 +45,9 @@ export function storeFiles(key, files) {
   return act("files", "readwrite", (store) => store.put(files, key));
 }
 
-export async function forgetPage(key) {
+export const forgetPage = (key) => act("pages", "readwrite", (store) => store.delete(key));
+
+export async function forgetFiles(key) {
   held.delete(key);
-  await act("pages", "readwrite", (store) => store.delete(key));
   await act("files", "readwrite", (store) => store.delete(key));
 }

@@ -6,6 +6,7 @@ import { hasCamera, useCamera } from "./camera.js";
 import { editCorners } from "./corners.js";
 import { FilesBar } from "./files_bar.js";
 import { Kept } from "./kept.js";
+import { haveAlone } from "./one_tab.js";
 import { PageItem } from "./page_item.js";
 import { Pages } from "./pages.js";
 import { KINDS, progressText } from "./words.js";
@@ -36,10 +37,13 @@ export function createView() {
   );
   const meter = make("progress", { max: 1, value: 0, "aria-label": "Pages that are ready" });
   const line = make("span", { role: "status" });
-  const again = button("Flatten", () => work.again());
+  const again = button("Flatten", () => {
+    work.again();
+    progress.focus(); // the button is gone
+  });
   const whatAgain = make("small", { id: "what-flatten-does" }, "Flatten tries again what is not flat yet.");
   again.setAttribute("aria-describedby", whatAgain.id);
-  const progress = make("p", { class: "progress", hidden: true }, meter, line, again, whatAgain);
+  const progress = make("p", { class: "progress", hidden: true, tabindex: "-1" }, meter, line, again, whatAgain);
   const strip = make("ol", { class: "pages", "aria-label": "Pages" });
   const empty = make(
     "div",
@@ -47,10 +51,15 @@ export function createView() {
     make("p", {}, "Photograph a page, or choose photos. Each becomes a flat page here, and all of them one PDF."),
     button("Try an example", example),
   );
-  const element = make("div", { class: "view scan" }, make("h1", {}, "Flatten"), drop, progress, empty, strip, bar.element);
+  const here = make("div", {}, drop, progress, empty, strip, bar.element);
+  const takeOver = button("Use them here", () => takePages(), "primary");
+  const elsewhere = make("div", { class: "panel empty", role: "status", hidden: true }, make("p", {}, "Your pages are open in another tab."), takeOver);
+  const element = make("div", { class: "view scan" }, make("h1", {}, "Flatten"), elsewhere, here);
+  let takePages = null;
   const acts = {
     corners: (page) => editCorners(page, kept).catch((problem) => kept.refused(page, problem)),
-    rotate: (page) => kept.change(page, (facts) => ({ rotate: (facts.rotation + 90) % 360 })).then(() => work.start()),
+    rotate: (page) => kept.change(page, (facts) => ({ rotate: (facts.rotation + 90) % 360 }), 1).then(() => work.start()),
+    both: (page) => work.both(page),
     look: setLook,
     lookForAll: ({ look }) => Promise.all(pages.list.filter((page) => page.state === "ready" && page.look !== look).map((page) => setLook(page, look))),
     move,
@@ -79,7 +88,7 @@ export function createView() {
   }
 
   document.addEventListener("paste", (event) => {
-    if (element.isConnected && event.clipboardData.files.length) add([...event.clipboardData.files]);
+    if (element.isConnected && pages.isHere && event.clipboardData.files.length) add([...event.clipboardData.files]);
   });
 
   async function add(files) {
@@ -119,19 +128,20 @@ export function createView() {
 
   async function remove(page) {
     const at = pages.list.indexOf(page);
-    await kept.remove(page);
+    const done = kept.remove(page); // the strip shows it at once
     const next = pages.list[Math.min(at, pages.list.length - 1)];
-    (next ? items.get(next).element.querySelector("button:not([hidden])") : camera).focus();
+    (next ? items.get(next).title : camera).focus();
     notify("The page is removed.");
+    await done;
   }
 
   async function clear() {
     const text = "All pages are deleted, here and in the service.";
     if (!(await confirmed("Clear all pages?", text, "Delete all"))) return;
-    await Promise.all(pages.list.map((page) => kept.remove(page)));
-    await pages.set({ name: "" });
+    const done = pages.list.map((page) => kept.remove(page)); // the strip shows it at once
     bar.name.value = "";
     camera.focus();
+    await Promise.all([...done, pages.set({ name: "" })]);
   }
 
   /** Changes the look of a page; photos that come later have it too. It shows at once what was chosen. */
@@ -176,10 +186,19 @@ export function createView() {
     bar.show(count);
   }
 
+  /** The items in the order of the pages. Only what has another place moves, and keeps the focus. */
+  function showOrder() {
+    const focused = document.activeElement;
+    const elements = pages.list.map((page) => items.get(page).element);
+    for (const old of [...strip.children]) if (!elements.includes(old)) old.remove();
+    elements.forEach((one, index) => strip.children[index] === one || strip.insertBefore(one, strip.children[index]));
+    if (focused !== document.activeElement && strip.contains(focused)) focused.focus();
+  }
+
   pages.addEventListener("list", () => {
     for (const page of items.keys()) if (!pages.list.includes(page)) items.delete(page);
     for (const page of pages.list) if (!items.has(page)) items.set(page, new PageItem(page, acts));
-    strip.replaceChildren(...pages.list.map((page) => items.get(page).element));
+    showOrder();
     pages.list.forEach((page, index) => items.get(page).show(index + 1, pages.list.length));
     showCount();
   });
@@ -188,22 +207,36 @@ export function createView() {
     showCount();
   });
 
+  let languages = [];
   let isLoaded = false;
   async function open() {
     if (isLoaded) return;
     isLoaded = true;
     await pages.loaded;
+    takePages = haveAlone(showHere);
+    await ask();
+  }
+
+  /** Shows the pages as they are stored, where this tab has them. */
+  async function showHere(isHere) {
+    const isTaken = isHere && !elsewhere.hidden;
+    pages.isHere = isHere;
+    if (isTaken) await (pages.loaded = pages.load());
+    here.hidden = !isHere;
+    elsewhere.hidden = isHere;
+    if (!isHere) return;
     pages.tell("list");
     kind.value = pages.settings.photos;
-    bar.offer([]);
+    bar.offer([...languages]);
+    if (isTaken) camera.focus();
     work.start();
-    await ask();
   }
 
   /** What the service has; it is asked again until it is there. */
   async function ask() {
     try {
-      bar.offer(await work.ask());
+      languages = await work.ask();
+      bar.offer(languages);
       work.start();
     } catch {
       setTimeout(ask, AGAIN_MS);

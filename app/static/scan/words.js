@@ -31,7 +31,7 @@ const WARNINGS = {
   "outline-disagrees": "The edges of the sheet are not certain. Look at the corners.",
   "implausible-pose": "The shape is not certain. Look at the corners.",
   "reading-cut": "Not all of its text was read.",
-  "facing-page": "A second page is in view. Choose two pages of a book before you add the photo, to have both.",
+  "facing-page": "A second page is in view. Both pages makes a page of each.",
   "glare": "Light is mirrored at the same place of all photos. One more photo from another side shows what is there.",
   "sheet-moved": "The sheet was bent in another way in one of the photos. The better photo is shown.",
   "one-page": "Only one page was found in the photo.",

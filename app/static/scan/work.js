@@ -2,11 +2,13 @@
 
 import { begin, get, outcome, Problem } from "../service.js";
 import { SHOWN, shown } from "./kept.js";
+import { filesKeyOf } from "./pages.js";
 import { filesOf } from "./storage.js";
 
 export const AGAIN_MS = 5000; // pause before what waits for the service is tried again
 const LATER = ["busy", "not-ready", "unreachable", "too-many-requests"]; // refusals that end by themselves
 const HAS_PAGES = /\.(pdf|tiff?)$/i; // files that may hold several pages: these are numbered
+const isFlat = (result) => Boolean(result.mesh || result.patches);
 const KEY = ["unauthorized", "forbidden"]; // refusals that end with another key
 
 export class Work {
@@ -26,10 +28,13 @@ export class Work {
 
   /** Begins what waits, as far as there is room; then reads what is flat. */
   start() {
-    if (this.needsKey || Date.now() < this.pausedUntil) return;
-    const canBegin = (page) => page.state === "waiting" && (page.kind !== "joined" || page.names.length > 1);
-    for (const page of this.pages.list.filter(canBegin)) if (this.running.size < this.atOnce) this.flatten(page);
-    if (!this.running.size) this.kept.readAhead();
+    if (this.needsKey || Date.now() < this.pausedUntil || !this.pages.isHere) return;
+    const isWhole = (page) => page.kind !== "joined" || page.names.length > 1;
+    const waiting = this.pages.list.filter((page) => page.state === "waiting" && isWhole(page) && !this.running.has(page));
+    const begun = waiting.slice(0, this.atOnce - this.running.size);
+    begun.forEach((page) => this.flatten(page));
+    this.kept.busy = this.running.size;
+    if (begun.length === waiting.length && this.kept.busy < this.kept.atOnce) this.kept.readAhead();
   }
 
   resume() {
@@ -67,7 +72,7 @@ export class Work {
   }
 
   async formOf(page) {
-    const files = await filesOf(page.key);
+    const files = await filesOf(filesKeyOf(page));
     if (!files.length) throw new Problem({ code: "photo-gone" });
     const form = new FormData();
     const { name } = files[0];
@@ -80,16 +85,26 @@ export class Work {
 
   async receive(page, answer) {
     const results = answer.pages ?? [answer];
-    const flat = results.filter((result) => !result.problem);
-    if (!flat.length) throw new Problem(results[0].problem);
-    if (!this.pages.list.includes(page)) return this.kept.forget(flat); // it was removed meanwhile
-    const sides = page.kind === "spread" && !HAS_PAGES.test(page.names[0]) ? ["left", "right"] : [];
-    const partOf = (index) => (results.length > 1 ? (sides[index] ?? `page ${index + 1}`) : null);
-    const ready = (result) => ({ ...shown(result), id: result.page_id, part: partOf(results.indexOf(result)), job: null, state: "ready" });
-    for (const result of flat.slice(1).reverse()) {
-      await this.pages.insertAfter(page, { kind: "page", names: page.names, look: page.look, ...ready(result) });
+    const { kind, names, look, former } = page;
+    const wanted = page.part ? [results[page.index] ?? {}] : results; // the other parts are in the strip already
+    await this.kept.forget(results.filter((result) => !wanted.includes(result)));
+    if (!wanted.some(isFlat)) throw new Problem(wanted[0].problem ?? {});
+    if (!this.pages.list.includes(page)) return this.kept.forget(wanted); // it was removed meanwhile
+    const sides = kind === "spread" && !HAS_PAGES.test(names[0]) ? ["left", "right"] : [];
+    const partOf = (index) => (results.length > 1 ? { index, part: sides[index] ?? `page ${index + 1}` } : {});
+    const outcomeOf = (result) => (isFlat(result) ? { ...shown(result), id: result.page_id, state: "ready" } : { problem: result.problem, state: "failed" });
+    const become = (result) => ({ ...outcomeOf(result), ...partOf(results.indexOf(result)), job: null, former: null });
+    for (const result of wanted.slice(1).reverse()) {
+      await this.pages.insertAfter(page, { kind, names, look, filesKey: filesKeyOf(page), ...become(result) });
     }
-    return this.pages.update(page, ready(flat[0]));
+    await this.pages.update(page, become(wanted[0]));
+    return former && this.kept.forget([{ page_id: former }]);
+  }
+
+  /** Makes two pages of a photo that shows both pages of a book. Only in the photo are both, so it is sent again. */
+  both(page) {
+    this.pages.update(page, { kind: "spread", state: "waiting", problem: null, job: null, former: page.id });
+    this.resume();
   }
 
   /** What becomes of a page that the service refuses: it waits, or the person must see to it. */

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from services.layout.graph.edge_attributes import RELATIONS, measure_pairs, pair_zones
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, describe_zones
 from services.layout.graph.section_features import SECTION_FEATURES, measure_sections
+from services.layout.graph.zone_words import NO_TOKENS, PageTokens, page_tokens
 from services.layout.page import Page
 
 MOST_NEIGHBOURS = 40
@@ -30,7 +31,8 @@ class LayoutGraph:
 
     `numeric` (N, A) in the order of `NUMERIC_ATTRIBUTES`, NaN where unknown; `content` (N, C) confidences of the
     features `content_names`, the last ones being `DERIVED_FEATURES`, all but the kinds NaN on a page that was not read;
-    `pairs` (E, 2) of (upper, lower) zones; `relations` (E, R) descriptors in the order of `RELATIONS`.
+    `pairs` (E, 2) of (upper, lower) zones; `relations` (E, R) descriptors in the order of `RELATIONS`; `tokens` what
+    its zones say (`zone_words`), none where that is not known.
     """
 
     numeric: NDArray[np.float64]
@@ -38,6 +40,7 @@ class LayoutGraph:
     content_names: tuple[str, ...]
     pairs: NDArray[np.intp]
     relations: NDArray[np.intp]
+    tokens: PageTokens = NO_TOKENS
 
     @property
     def zones(self) -> int:
@@ -56,11 +59,15 @@ class LayoutGraph:
 
 
 def build_graph(
-    page: Page, content_names: Sequence[str], most_neighbours: int = MOST_NEIGHBOURS
+    page: Page,
+    content_names: Sequence[str],
+    most_neighbours: int = MOST_NEIGHBOURS,
+    printed: Page | None = None,
 ) -> LayoutGraph:
     """Layout graph of `page`, whose zones already carry their content features.
 
-    On a page of more than twice `most_neighbours` zones only the nearest are joined.
+    On a page of more than twice `most_neighbours` zones only the nearest are joined. `printed` is the page with all of
+    its print, where its zones are those that a person drew (`zone_words.page_tokens`).
     """
     measures = describe_zones(page)
     with np.errstate(all="ignore"):
@@ -79,5 +86,10 @@ def build_graph(
     pair_measures = measure_pairs(measures, pairs)
     relations = np.stack([relation.measure(pair_measures) for relation in RELATIONS], axis=1)
     return LayoutGraph(
-        numeric, np.hstack([content, kinds]), (*content_names, *DERIVED_FEATURES), pairs, relations
+        numeric,
+        np.hstack([content, kinds]),
+        (*content_names, *DERIVED_FEATURES),
+        pairs,
+        relations,
+        page_tokens(page, printed),
     )

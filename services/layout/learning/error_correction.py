@@ -64,7 +64,7 @@ def _sides(truth: NDArray[np.intp], found: NDArray[np.intp], labels: int) -> Arr
 
 
 def _favour(model: CompiledModel, graph: LayoutGraph, side: Array) -> Array:
-    """D (L, A + C) of every attribute of every node: what it adds to C(h*) - C(h)."""
+    """D (L, A + C + W) of every attribute of every node: what it adds to C(h*) - C(h)."""
     nodes = len(model.scales) - len(RELATIONS) - 1
     terms = node_terms(graph, model) * model.scales[:nodes]
     return np.asarray(np.einsum("nl,nlk->lk", side, terms)[:, :-1])
@@ -89,7 +89,7 @@ def _move_expectations(model: CompiledModel, graph: LayoutGraph, side: Array) ->
             values=model.values + (rate * step)[:, :attributes],
             content=np.clip(model.content + (rate * step)[:, attributes:], SUREST, 1 - SUREST),
         )
-        better = _favour(moved, graph, side) < favour
+        better = (_favour(moved, graph, side) < favour)[:, : step.shape[1]]
         values = np.where(better[:, :attributes], moved.values, values)
         content = np.where(better[:, attributes:], moved.content, content)
         step = np.where(better, 0.0, step)

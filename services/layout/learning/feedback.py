@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from services.contract.answers.learning import CostChange
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner, VerifiedPage
+from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.class_decisions import accept_page, count_cost, prefer_class, refuse_page
 from services.layout.learning.label_transfer import come_apart, transfer_labels
@@ -48,6 +49,7 @@ def adapt_models(
     models: Mapping[str, LayoutModel],
     learners: Mapping[str, Learner],
     content_names: tuple[str, ...],
+    features: ContentFeatures | None = None,
 ) -> tuple[Labels, dict[str, LearnedModel]]:
     """The right labels of all zones, and the models that have learned from the page, by name.
 
@@ -64,6 +66,8 @@ def adapt_models(
         The learner of each model, by name; `DEFAULT_LEARNER` if it is missing.
     content_names
         Names of the content features.
+    features
+        They measure what is left of zones that hold a part with a label (`come_apart`); None: it has none.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def adapt_models(
     """
     if not verified.page.zones:
         return (), {}
-    graph = build_graph(verified.page, content_names)
+    graph = build_graph(verified.page, content_names, printed=verified.found_page)
     found = tuple(verified.found_labels.get(zone.id) for zone in verified.page.zones)
     right_class = models.get(verified.verified_class or "")
     is_right = verified.found_class == verified.verified_class
@@ -94,6 +98,7 @@ def adapt_models(
             found_page = transfer_labels(page, verified.found_page)
             learning = replace(learning, pieces=learn_pieces([(page, found_page)], learning.pieces))
             found_page = come_apart(page, found_page)
+            found_page = found_page if features is None else features.measure_page(found_page)
             found_view = LabelledGraph(build_graph(found_page, content_names), _labels_of(found_page))
         after = learn_page(
             replace(learning, calibration=accepting), LabelledGraph(graph, labels), learner, found_view

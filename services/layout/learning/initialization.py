@@ -187,7 +187,10 @@ def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
     return [
         View(
             page,
-            LabelledGraph(build_graph(page, content.names), tuple(zone.label for zone in page.zones)),
+            LabelledGraph(
+                build_graph(page, content.names, printed=found if is_found else None),
+                tuple(zone.label for zone in page.zones),
+            ),
             found if is_found and place == 1 else None,
         )
         for place, page in enumerate(map(content.measure_page, (sample, other)))

@@ -7,7 +7,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from services.layout.page import Page, Zone
+from services.layout.grouping.line_cuts import places_of_cuts
+from services.layout.page import Page, Zone, ZoneWord
+
+WITHIN = 0.8
+"""Least share of a part that lies in the zone it is a part of."""
+MOST_OF_ZONE = 0.75
+"""Share of a zone from which on a part of it is the zone."""
 
 
 def transfer_labels(truth: Page, found: Page) -> Page:
@@ -53,16 +59,74 @@ def merged_zones(truth: Page, found: Page) -> dict[int, list[int]]:
 
 
 def come_apart(truth: Page, found: Page) -> Page:
-    """`found` with the true zones in place of those that hold several of them (`merged_zones`).
+    """`found` with the true zones in place of those that hold several of them (`merged_zones`), or one as a part.
 
     So a model learns what the parts are like, and not that they are one zone with the label of the largest.
     """
-    merged = merged_zones(truth, found)
+    merged, within = merged_zones(truth, found), zones_within(truth, found)
     zones: list[Zone] = []
     for place, zone in enumerate(found.zones):
-        parts = [truth.zones[each] for each in merged.get(place, ())]
-        zones += [replace(part, id=f"{zone.id}.{n}") for n, part in enumerate(parts, 1)] or [zone]
-    return replace(found, zones=tuple(zones)) if merged else found
+        parts = [truth.zones[each] for each in merged.get(place, within.get(place, ()))]
+        left = [] if place in merged else _what_is_left(zone, parts)
+        zones += (
+            [replace(part, id=f"{zone.id}.{n}") for n, part in enumerate([*parts, *left], 1)]
+            if parts
+            else [zone]
+        )
+    return replace(found, zones=tuple(zones)) if merged or within else found
+
+
+def zones_within(truth: Page, found: Page) -> dict[int, list[int]]:
+    """Places of found zones that hold zones of `truth` with a label as parts of themselves, and those of these.
+
+    A part lies in the found zone for the most part, and is not most of it; no other zone with a label is. What a zone
+    holds is known by its words.
+    """
+    if not truth.zones or not found.zones:
+        return {}
+    shared = shared_areas(found.zones, truth.zones)
+    inside = shared >= WITHIN * box_areas(truth.zones)
+    is_part = inside & (shared < MOST_OF_ZONE * box_areas(found.zones)[:, None])
+    is_labelled = np.array([zone.label is not None for zone in truth.zones])
+    is_whole = (shared >= MOST_OF_ZONE * box_areas(found.zones)[:, None]) & is_labelled
+    is_part &= is_labelled & ~is_whole.any(axis=1)[:, None]
+    is_part &= np.array([zone.kind == "text" and bool(zone.words) for zone in found.zones])[:, None]
+    return {
+        int(place): np.flatnonzero(is_part[place]).tolist() for place in np.flatnonzero(is_part.any(axis=1))
+    }
+
+
+def _what_is_left(zone: Zone, parts: Sequence[Zone]) -> list[Zone]:
+    """The zone without its parts: parts of its lines, as recognition cuts them; none has a label."""
+
+    def is_inside(word: ZoneWord) -> bool:
+        x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
+        return any(p.box[0] <= x <= p.box[2] and p.box[1] <= y <= p.box[3] for p in parts)
+
+    left = []
+    for row in dict.fromkeys(word.line for word in zone.words):
+        own = [word for word in zone.words if word.line == row]
+        em = zone.font_size or max(word.box[3] - word.box[1] for word in own)
+        cuts = [0, *places_of_cuts(own, em), len(own)]
+        for begin, end in pairwise(cuts):
+            words = [word for word in own[begin:end] if not is_inside(word)]
+            if words:
+                left.append(_part_of(zone, words))
+    return left
+
+
+def _part_of(zone: Zone, words: Sequence[ZoneWord]) -> Zone:
+    boxes = np.array([word.box for word in words])
+    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    return replace(
+        zone,
+        box=(float(x0), float(y0), float(x1), float(y1)),
+        lines=1,
+        text=" ".join(word.text for word in words),
+        words=tuple(replace(word, line=0) for word in words),
+        content={},
+        label=None,
+    )
 
 
 def shared_areas(zones: Sequence[Zone], others: Sequence[Zone]) -> NDArray[np.float64]:

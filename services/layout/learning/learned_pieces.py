@@ -17,7 +17,13 @@ from services.layout.grouping.piece_pairs import (
     pair_features,
     print_size,
 )
-from services.layout.learning.label_transfer import box_areas, merged_zones, shared_areas, transfer_labels
+from services.layout.learning.label_transfer import (
+    box_areas,
+    merged_zones,
+    shared_areas,
+    transfer_labels,
+    zones_within,
+)
 from services.layout.model.layout_model import LARGEST, PieceStatistics
 from services.layout.page import Page, Zone
 
@@ -104,6 +110,7 @@ def _count_pieces(
     `counts_apart` is False for pages that were recognized: they show what segmentation merged only where it stayed.
     """
     merged = {each for held in merged_zones(verified, found).values() for each in held}
+    within = {each for held in zones_within(verified, found).values() for each in held}
     pieces = Counter(
         int(place)
         for zone, place in zip(found.zones, owner, strict=True)
@@ -120,6 +127,7 @@ def _count_pieces(
                 divided=float(pieces[place] > 1),
                 merged=float(place in merged),
                 apart=float(counts_apart and place not in merged),
+                within=float(place in within),
                 widths=width,
                 heights=height,
             )
@@ -148,6 +156,7 @@ def _sum(one: PieceStatistics, other: PieceStatistics) -> PieceStatistics:
         divided=one.divided + other.divided,
         merged=one.merged + other.merged,
         apart=one.apart + other.apart,
+        within=one.within + other.within,
         widths=added(one.widths, other.widths),
         heights=added(one.heights, other.heights),
     )

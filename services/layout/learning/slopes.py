@@ -15,7 +15,7 @@ from services.layout.model.cost import relation_weight, weighted_node_terms
 class CostSlopes:
     """Derivatives of a cost by the parameters of a model that it is linear in, shaped as these.
 
-    `weights` (L, A + C), `label_costs` (L,), `relations` (L, L, D), `counts` (L, M).
+    `weights` (L, A + C + W), `label_costs` (L,), `relations` (L, L, D), `counts` (L, M).
     """
 
     weights: NDArray[np.float64]

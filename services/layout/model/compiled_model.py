@@ -11,14 +11,17 @@ from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import KIND_FEATURES, RELATION_OFFSETS
 from services.layout.graph.node_attributes import APPEARANCE_ATTRIBUTES, NUMERIC_ATTRIBUTES
 from services.layout.graph.section_features import SECTION_FEATURES
-from services.layout.model.layout_model import LayoutModel
+from services.layout.graph.zone_words import WORD_ASPECTS
+from services.layout.model.layout_model import LayoutModel, ModelNode
+from services.layout.model.word_counts import WordCounts, no_words
 
 CONTENT_SCALE = 0.6
 KIND_SCALE = 2.0
 LABEL_SCALE = 0.4
 COUNT_SCALE = 0.4
+WORD_SCALE = 0.2
 """Default weights without enough samples: of a content feature, of a kind of zone as a feature, of a label's own cost,
-of its count."""
+of its count, of an aspect of a zone's words."""
 
 SUREST = 0.001
 """Expectation values are clipped to this distance from 0 and 1, so that no cost is infinite."""
@@ -37,15 +40,17 @@ class CompiledModel:
     """Arrays of a model with L nodes for A numeric attributes, C content features and D descriptors.
 
     `values`, `variances` (L, A), NaN where the model has none; `content` (L, C) expectation values, NaN likewise;
-    `weights` (L, A + C) of both, beside their scales; `label_costs` (L,); `relations` (L, L, D) costs of descriptors
-    by upper and lower label; `counts` (L, M) costs of 0 .. M - 1 zones. `scales` weigh A numeric attributes, C
-    features, the label's own cost, R relations, and the counts, in this order.
+    `words` what zones say, in W aspects; `weights` (L, A + C + W) of all three, beside their scales; `label_costs`
+    (L,); `relations` (L, L, D) costs of descriptors by upper and lower label; `counts` (L, M) costs of 0 .. M - 1
+    zones. `scales` weigh A numeric attributes, C features, W aspects of words, the label's own cost, R relations, and
+    the counts, in this order.
     """
 
     labels: tuple[str | None, ...]
     values: NDArray[np.float64]
     variances: NDArray[np.float64]
     content: NDArray[np.float64]
+    words: WordCounts
     weights: NDArray[np.float64]
     label_costs: NDArray[np.float64]
     relations: NDArray[np.float64]
@@ -58,6 +63,7 @@ def scale_names(content_names: Sequence[str]) -> tuple[str, ...]:
     return (
         *(attribute.name for attribute in NUMERIC_ATTRIBUTES),
         *(content_scale_name(name) for name in content_names),
+        *WORD_ASPECTS,
         LABEL,
         *(relation.name for relation in RELATIONS),
         COUNT,
@@ -70,6 +76,7 @@ def default_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
         [
             *(attribute.scale for attribute in NUMERIC_ATTRIBUTES),
             *(KIND_SCALE if name in KIND_FEATURES else CONTENT_SCALE for name in content_names),
+            *(WORD_SCALE for _ in WORD_ASPECTS),
             LABEL_SCALE,
             *(relation.scale for relation in RELATIONS),
             COUNT_SCALE,
@@ -86,7 +93,7 @@ def comparable_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
     where no image was sent, and pages with and without it are compared with one mean cost of the class.
     """
     names = scale_names(content_names)
-    left_out = [*map(content_scale_name, SECTION_FEATURES), *APPEARANCE_ATTRIBUTES]
+    left_out = [*map(content_scale_name, SECTION_FEATURES), *APPEARANCE_ATTRIBUTES, *WORD_ASPECTS]
     return np.where(np.isin(names, left_out), 0.0, default_scales(content_names))
 
 
@@ -118,11 +125,11 @@ def _compile(model: LayoutModel, content_names: Sequence[str]) -> CompiledModel:
                 weights[row, column] = expected.weight
     content, content_weights = (
         np.array(
-            [[given.get(name, default) for name in content_names] for given in by_node], dtype=np.float64
-        ).reshape(count, len(content_names))
-        for by_node, default in (
-            ([node.content for node in nodes], np.nan),
-            ([node.content_weights for node in nodes], 1.0),
+            [[given.get(name, default) for name in names] for given in by_node], dtype=np.float64
+        ).reshape(count, len(names))
+        for by_node, names, default in (
+            ([node.content for node in nodes], tuple(content_names), np.nan),
+            ([node.content_weights for node in nodes], (*content_names, *WORD_ASPECTS), 1.0),
         )
     )
     index = {node.label: position for position, node in enumerate(nodes)}
@@ -142,12 +149,27 @@ def _compile(model: LayoutModel, content_names: Sequence[str]) -> CompiledModel:
         values=values,
         variances=variances,
         content=np.clip(content, SUREST, 1 - SUREST),
+        words=_words(nodes),
         weights=np.hstack([weights, content_weights]),
         label_costs=np.array([node.cost for node in nodes]),
         relations=relations,
         counts=counts,
         scales=_scales(model.scales, content_names),
     )
+
+
+def _words(nodes: Sequence[ModelNode]) -> WordCounts:
+    words = no_words(len(nodes))
+    counts: dict[tuple[int, str], NDArray[np.float64]] = {}
+    for row, node in enumerate(nodes):
+        for aspect, name in enumerate(WORD_ASPECTS):
+            said = node.words.get(name)
+            if said is None:
+                continue
+            words.zones[row, aspect] = said.zones
+            for text, zones in said.tokens.items():
+                counts.setdefault((aspect, text), np.zeros(len(nodes)))[row] = zones
+    return WordCounts(words.zones, counts)
 
 
 def _scales(given: Mapping[str, float], content_names: Sequence[str]) -> NDArray[np.float64]:

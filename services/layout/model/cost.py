@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import RELATION_OFFSETS, LayoutGraph
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, CostFunction
+from services.layout.graph.zone_words import WORD_ASPECTS
 from services.layout.matching.cost_tables import CostTables
 from services.layout.model.compiled_model import LABEL, CompiledModel, content_scale_name
+from services.layout.model.word_counts import word_costs
 
 USUAL_CONTENT = 0.1
 """Mean confidence of a content feature in zones of any page; costs are relative to it."""
@@ -43,25 +45,29 @@ _RELATION_OF_DESCRIPTOR = np.repeat(np.arange(len(RELATIONS)), np.diff(RELATION_
 
 
 def node_terms(graph: LayoutGraph, model: CompiledModel) -> NDArray[np.float64]:
-    """Costs (N, L, A + C + 1) of giving zone z label l, attribute by attribute, not yet weighted by scales.
+    """Costs (N, L, A + C + W + 1) of giving zone z label l, attribute by attribute, not yet weighted by scales.
 
     Each is relative to a zone of any page, so that 0 means that the attribute says nothing for or against the
-    label: numeric attributes, content features, and the label's own cost. What is unknown of the zone or in the
-    model costs 0.
+    label: numeric attributes, content features, aspects of words, and the label's own cost. What is unknown of the
+    zone or in the model costs 0.
     """
     return _node_terms(graph, model, np.arange(len(model.labels))[None])
 
 
 def _node_terms(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Terms (N, K, A + C + 1) of `labels` (N, K), or of (1, K) for all zones; see `node_terms`."""
+    """Terms (N, K, A + C + W + 1) of `labels` (N, K), or of (1, K) for all zones; see `node_terms`."""
     attributes = len(NUMERIC_ATTRIBUTES)
-    terms = np.empty((graph.zones, labels.shape[1], attributes + len(graph.content_names) + 1))
+    features = attributes + len(graph.content_names)
+    terms = np.zeros((graph.zones, labels.shape[1], model.weights.shape[1] + 1))
     with np.errstate(invalid="ignore"):
         for cost, columns, means, variances in COLUMNS_BY_COST:
             values = graph.numeric[:, None, columns]
             expected, spread = model.values[:, columns][labels], model.variances[:, columns][labels]
             terms[:, :, columns] = cost(values, expected, spread) - cost(values, means, variances)
-        terms[:, :, attributes:-1] = content_cost(graph.content[:, None, :], model.content[labels])
+        terms[:, :, attributes:features] = content_cost(graph.content[:, None, :], model.content[labels])
+        if graph.tokens.tokens and model.words.counts:
+            words = word_costs(graph.tokens, graph.zones, model.words)
+            terms[:, :, features:-1] = np.take_along_axis(words, labels[:, :, None], axis=1)
         terms[:, :, :-1] *= model.weights[labels]
     terms[:, :, -1] = model.label_costs[labels]
     return np.nan_to_num(terms, copy=False, nan=0.0)
@@ -90,7 +96,7 @@ def relation_weight(zones: int) -> float:
 
 def build_cost_tables(graph: LayoutGraph, model: CompiledModel) -> CostTables:
     """Tables of all costs of matching `graph` with `model`; label k is the model's node k."""
-    labels, nodes = len(model.labels), graph.content.shape[1] + len(NUMERIC_ATTRIBUTES) + 1
+    labels, nodes = len(model.labels), model.weights.shape[1] + 1
     node = node_terms(graph, model) @ model.scales[:nodes]
     weights = model.scales[nodes:-1][_RELATION_OF_DESCRIPTOR] * relation_weight(graph.zones)
     by_descriptor = (model.relations * weights).reshape(labels * labels, -1)
@@ -127,6 +133,7 @@ def explain_cost(
     names = (
         *(attribute.name for attribute in NUMERIC_ATTRIBUTES),
         *(content_scale_name(name) for name in graph.content_names),
+        *WORD_ASPECTS,
         LABEL,
     )
     size = np.concatenate([np.abs(node).ravel(), np.abs(edge).ravel()])
@@ -149,7 +156,7 @@ def explain_cost(
 def weighted_node_terms(
     graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Terms (N, A + C + 1) of the nodes of one labelling (N,), weighted by `scales`."""
+    """Terms (N, A + C + W + 1) of the nodes of one labelling (N,), weighted by `scales`."""
     nodes = len(scales) - len(RELATIONS) - 1
     return np.asarray(_node_terms(graph, model, labels[:, None])[:, 0] * scales[:nodes])
 
@@ -157,7 +164,7 @@ def weighted_node_terms(
 def _chosen_terms(
     graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp], scales: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weighted terms of a labelling: of its nodes (N, A + C + 1), and of its edges (E, R)."""
+    """Weighted terms of a labelling: of its nodes (N, A + C + W + 1), and of its edges (E, R)."""
     node = weighted_node_terms(graph, model, labels, scales)
     nodes = len(scales) - len(RELATIONS) - 1
     upper, lower = labels[graph.pairs.T]

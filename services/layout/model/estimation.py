@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import RELATION_OFFSETS
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
+from services.layout.graph.zone_words import WORD_ASPECTS
 from services.layout.model.compiled_model import CompiledModel, scale_names
 from services.layout.model.layout_model import (
     LARGEST,
@@ -20,10 +21,12 @@ from services.layout.model.layout_model import (
     ModelEdge,
     ModelNode,
     ModelStatistics,
+    NodeWords,
     NumericExpectation,
     PieceStatistics,
 )
 from services.layout.model.statistics import MOST_COUNTED, LabelStatistics
+from services.layout.model.word_counts import LEAST_ZONES, MOST_KEPT, WordCounts, dearest_tokens
 
 _USUAL_WEIGHT = 2.0
 """Of an attribute's usual spread within a component, against the variance seen, and of a descriptor's frequency over
@@ -48,7 +51,8 @@ def estimate_model(
         values=values,
         variances=variances,
         content=_estimate_content(statistics),
-        weights=np.ones((len(labels), values.shape[1] + statistics.content.shape[1])),
+        words=statistics.words,
+        weights=np.ones((len(labels), values.shape[1] + statistics.content.shape[1] + len(WORD_ASPECTS))),
         label_costs=-np.log(
             (statistics.zones + _COUNT_WEIGHT) / (statistics.zones.sum() + _COUNT_WEIGHT * len(labels))
         ),
@@ -120,6 +124,7 @@ def name_parts(
     )
     content, counts = np.round(model.content, 4).tolist(), _stored(model.counts, 3).tolist()
     relations, has_costs = _stored(model.relations, 3).tolist(), np.any(model.relations, axis=2).tolist()
+    words = _name_words(model.words)
     label_costs, scales = _stored(model.label_costs, 4), _stored(np.minimum(model.scales, MOST_WEIGHT), 4)
     return LayoutModel(
         name=name,
@@ -146,10 +151,13 @@ def name_parts(
                 count_costs=tuple(counts[row]),
                 content_weights={
                     feature: weight
-                    for feature, weight in zip(content_names, content_weights[row], strict=True)
+                    for feature, weight in zip(
+                        (*content_names, *WORD_ASPECTS), content_weights[row], strict=True
+                    )
                     if weight != 1.0
                 },
                 pieces=pieces.get(label or "", PieceStatistics()),
+                words=words[row],
             )
             for row, label in enumerate(model.labels)
         ),
@@ -169,6 +177,23 @@ def name_parts(
         ),
         statistics=statistics,
     )
+
+
+def _name_words(words: WordCounts) -> list[dict[str, NodeWords]]:
+    """Of each node its tokens by aspect; aspects without zones are left out."""
+    kept: list[list[dict[str, float]]] = [[{} for _ in WORD_ASPECTS] for _ in words.zones]
+    for aspect, text in dearest_tokens(words, MOST_KEPT):
+        zones = words.counts[aspect, text]
+        for row in np.flatnonzero(zones >= LEAST_ZONES).tolist():
+            kept[row][aspect][text] = round(min(float(zones[row]), LARGEST), 4)
+    return [
+        {
+            name: NodeWords(round(min(float(zones), LARGEST), 4), tokens)
+            for name, zones, tokens in zip(WORD_ASPECTS, own, kept[row], strict=True)
+            if zones >= LEAST_ZONES
+        }
+        for row, own in enumerate(words.zones)
+    ]
 
 
 def _stored(numbers: NDArray[np.float64], digits: int) -> NDArray[np.float64]:

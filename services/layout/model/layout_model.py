@@ -51,7 +51,8 @@ class PieceStatistics:
     of one zone, and `certainty` how sure they are: the second derivative of the negative log likelihood. `whole`
     verified zones were found in one piece, `divided` ones in several. `widths` and `heights` are those of verified
     zones, as binary logarithms of shares of the page: their number, their sum and that of their squares. `merged`
-    verified zones were found in one zone with one of another label, `apart` ones were not.
+    verified zones were found in one zone with one of another label, `apart` ones were not; `within` ones were parts of
+    a larger zone.
     """
 
     joining: float = 0.0
@@ -62,6 +63,15 @@ class PieceStatistics:
     heights: tuple[float, float, float] = (0.0, 0.0, 0.0)
     merged: float = 0.0
     apart: float = 0.0
+    within: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class NodeWords:
+    """One aspect of what zones of a label say: how many zones had any token, and how many each of them."""
+
+    zones: float
+    tokens: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +81,8 @@ class ModelNode:
     `zones` is how many zones of the samples had the label. `content` holds the expectation value, 0-1, of every
     content feature (Equation 5.3). `count_costs[n]` is the cost of n zones with the label on a page, the last
     one also of more; `count_costs[0]` is thus the cost of the component's absence. `pieces` is what is known of the
-    pieces of its zones.
+    pieces of its zones, `words` what they and their neighbours say, by aspect (`graph.zone_words`). `content_weights`
+    are those of features and aspects that learning has changed.
     """
 
     label: str | None
@@ -82,6 +93,7 @@ class ModelNode:
     count_costs: tuple[float, ...]
     content_weights: Mapping[str, float] = field(default_factory=dict)
     pieces: PieceStatistics = PieceStatistics()
+    words: Mapping[str, NodeWords] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,9 +26,11 @@ from services.layout.model.layout_model import (
     ModelNode,
     ModelStatistics,
     NodeStatistics,
+    NodeWords,
     NumericExpectation,
     PieceStatistics,
 )
+from services.layout.model.word_counts import MOST_KEPT
 from services.layout.page import InvalidLayout, is_finite_number
 
 MOST_NAMES = 500
@@ -162,6 +164,12 @@ class _Pieces(TypedDict):
     heights: tuple[Total, SignedTotal, Total]
     merged: NotRequired[Positive]
     apart: NotRequired[Positive]
+    within: NotRequired[Positive]
+
+
+class _Words(TypedDict):
+    zones: Positive
+    tokens: Annotated[dict[Name, Positive], Field(max_length=MOST_KEPT)]
 
 
 class _Node(TypedDict):
@@ -174,6 +182,7 @@ class _Node(TypedDict):
     content_weights: NotRequired[ByName[Weight]]
     joining: NotRequired[Bias]
     pieces: NotRequired[_Pieces]
+    words: NotRequired[ByName[_Words]]
 
 
 class _Edge(_Ends):
@@ -228,7 +237,8 @@ def _node(read: _Node) -> ModelNode:
     values: dict[str, Any] = {"label": None, **read, "numeric": numeric}
     joining = values.pop("joining", 0.0)  # all that models of earlier releases know of pieces
     pieces = PieceStatistics(**read["pieces"]) if "pieces" in read else PieceStatistics(joining)
-    return ModelNode(**{**values, "pieces": pieces})
+    words = {name: NodeWords(**each) for name, each in read.get("words", {}).items()}
+    return ModelNode(**{**values, "pieces": pieces, "words": words})
 
 
 def _statistics(read: _Statistics, labels: list[str | None]) -> ModelStatistics:

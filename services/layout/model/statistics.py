@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.graph.layout_graph import RELATION_OFFSETS, LayoutGraph
+from services.layout.model.word_counts import WordCounts, count_words
 
 MOST_COUNTED = 13
 """Zones of one label on a page are counted up to this number; more count as many."""
@@ -33,7 +34,7 @@ class LabelStatistics:
     `zones` (L,); `known`, `totals`, `squares` (L, A) of numeric values that are known; `read` (L, C) zones whose
     content feature is known and `content` the sums of their confidences; `descriptors` (L, L, D) by label of the upper
     and of the lower zone; `counts` (L, MOST_COUNTED + 1) pages by the number of their zones with the label;
-    `pages` (1,).
+    `pages` (1,); `words` the zones of each label by their tokens.
     """
 
     zones: Sums
@@ -45,6 +46,7 @@ class LabelStatistics:
     descriptors: Sums
     counts: Sums
     pages: Sums
+    words: WordCounts
 
     def __add__(self, other: "LabelStatistics") -> "LabelStatistics":
         return LabelStatistics(
@@ -53,9 +55,10 @@ class LabelStatistics:
 
     def __sub__(self, other: "LabelStatistics") -> "LabelStatistics":
         """The sums without the pages of `other`, which must be part of these sums."""
-        left = [getattr(self, each.name) - getattr(other, each.name) for each in fields(self)]
+        left = [getattr(self, each.name) - getattr(other, each.name) for each in fields(self)[:-1]]
         # Sums of confidences and squares may miss zero by a rounding error.
-        return LabelStatistics(*(np.where(np.abs(values) < ROUNDING, 0.0, values) for values in left))
+        sums = (np.where(np.abs(values) < ROUNDING, 0.0, values) for values in left)
+        return LabelStatistics(*sums, self.words - other.words)  # type: ignore[arg-type, call-arg]
 
 
 def label_indices(labels: Sequence[str | None], known: Sequence[str | None]) -> NDArray[np.intp]:
@@ -90,6 +93,7 @@ def gather_statistics(page: LabelledGraph, labels: Sequence[str | None]) -> Labe
         descriptors=descriptors.reshape(count, count, -1),
         counts=counts,
         pages=np.ones(1),
+        words=count_words(graph.tokens, given, count),
     )
 
 

@@ -116,6 +116,7 @@ def restore_statistics(
         descriptors=descriptors,
         counts=counts,
         pages=np.array([stored.pages]),
+        words=compiled.words,
     )
     return statistics, np.array([stored.certainty.get(name, 0.0) for name in names])
 
@@ -139,6 +140,7 @@ def with_nodes(statistics: LabelStatistics, count: int) -> LabelStatistics:
         descriptors=np.pad(statistics.descriptors, ((0, more), (0, more), (0, 0))),
         counts=np.vstack([statistics.counts, last]),
         pages=statistics.pages,
+        words=statistics.words.with_labels(count),
     )
 
 
@@ -166,6 +168,7 @@ def _presume(model: LayoutModel, compiled: CompiledModel) -> LabelStatistics:
         descriptors=descriptors,
         counts=counts,
         pages=np.array([float(model.samples)]),
+        words=compiled.words,
     )
 
 

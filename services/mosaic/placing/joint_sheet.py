@@ -9,13 +9,13 @@ were held out.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from services.arrays import Floats, Homography, Mask, Points
 from services.geometry.homographies import jacobians, scaling, transform_points
 from services.geometry.page_map import PageMap
-from services.geometry.photo_frame import PhotoFrame
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
@@ -65,30 +65,24 @@ class JointSheet:
 
     Attributes
     ----------
-    reference : the photo in whose camera frame and flat pixels the sheet is.
+    reference : the photo in whose camera frame the sheet is.
+    kind : whether its surface is smooth.
     mesh : the sheet in space.
-    page_map : map of the reference photo: that of the mesh, or with a small field for the waves of lines.
-    H_page_flat : joint flat pixels, those of the reference's view -> page points of the mesh.
-    size : width and height of the joint view, flat pixels.
     cameras : of all photos by index, that of the reference too.
-    fitted : whether the mesh was fitted to all photos; else it is the sheet of the reference.
+    views : the frames of their views of the sheet.
+    H_world_page : page points of these frames' maps -> one page of all photos.
+    fitted : whether the sheet was fitted to all photos; else it is that of the reference.
     residual : median distance of correspondences that were held out, in text heights, of the worst photo.
     """
 
     reference: int
+    kind: Literal["smooth", "creased"]
     mesh: SheetMesh
-    page_map: PageMap
-    H_page_flat: Homography
-    size: tuple[int, int]
     cameras: Mapping[int, OtherCamera]
+    views: Mapping[int, CurvedFrame]
+    H_world_page: Mapping[int, Homography]
     fitted: bool
     residual: float
-
-    def frame(self, index: int, view: PhotoFrame) -> CurvedFrame:
-        """The joint view as photo `index` shows it; `view` is the photo's own frame."""
-        mesh = self.cameras[index].see(self.mesh)
-        page_map = replace(self.page_map, surface=mesh) if isinstance(self.page_map, MorphedPage) else mesh
-        return CurvedFrame(page_map, view, self.H_page_flat, *self.size)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,18 +153,24 @@ def find_joint_sheet(
         return None
     found = fitted or best
     left = found.residual(held_out=True)
-    if left > min(MOST_LEFT, _apart(photos, pairs, placements)):
+    if left > min(MOST_LEFT, measure_apart(photos, pairs, placements)):
         return None
     flat = photos[best.reference]
     height = round(flat.frame.height * found.mesh.size[1] / best.mesh.size[1])
     here = OtherCamera(np.eye(3), np.zeros(3), found.mesh.focal)
+    cameras = {best.reference: here, **found.cameras}
+    views = {}
+    for index, camera in cameras.items():
+        own = camera.see(found.mesh)
+        page_map = replace(found.page_map, surface=own) if isinstance(found.page_map, MorphedPage) else own
+        views[index] = CurvedFrame(page_map, pages[index].view, best.H_page_flat, flat.frame.width, height)
     return JointSheet(
         best.reference,
+        "creased" if fitted or page.shape.ends_at_sides else "smooth",
         found.mesh,
-        found.page_map,
-        best.H_page_flat,
-        (flat.frame.width, height),
-        {best.reference: here, **found.cameras},
+        cameras,
+        views,
+        dict.fromkeys(views, np.eye(3)),
         fitted is not None,
         left,
     )
@@ -298,7 +298,7 @@ def _view(start: _Candidate, index: int, page: SeenPage) -> OtherView:
     )
 
 
-def _apart(
+def measure_apart(
     photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration], placements: Mapping[int, Placement]
 ) -> float:
     """Median distance of the matches of views laid on each other by homographies, text heights, of the worst pair."""

@@ -12,9 +12,11 @@ from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placing.adjustment import adjust_globally
 from services.mosaic.placing.frontal_frame import agree_on_frontal_frame
 from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
+from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.sheet.framing import CurvedFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +61,11 @@ def place_photos(
     members = {index: photos[index] for index in part}
     placed = _place(chosen, members, adjustment.H_world_flat, within)
     joint = find_joint_sheet(members, within, placed.placements)
+    if joint is None:
+        joint = find_sheet_of_parts(members, within, placed.placements)
     if joint is not None:
-        members, within = _lay_on_sheet(joint, members, within)
-        placed = replace(_place(chosen, members, dict.fromkeys(part, np.eye(3)), within), joint=joint)
+        members, H_world_flat, within = _lay_on_sheet(joint, members, within)
+        placed = replace(_place(chosen, members, H_world_flat, within), joint=joint)
     H_mosaic_flat = {index: placement.H_mosaic_flat for index, placement in placed.placements.items()}
     warp = estimate_residual_warp(members, H_mosaic_flat, within)
     placements = {index: Placement(H, warp.displacements[index]) for index, H in H_mosaic_flat.items()}
@@ -82,12 +86,15 @@ def _place(
 
 def _lay_on_sheet(
     joint: JointSheet, photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration]
-) -> tuple[dict[int, FlatPhoto], tuple[PairRegistration, ...]]:
-    """The photos in the views of one sheet, whose flat pixels they share, and the matches in these."""
-    laid = {}
+) -> tuple[dict[int, FlatPhoto], dict[int, Homography], tuple[PairRegistration, ...]]:
+    """The photos in their views of one sheet, the places of these on it, and the matches in them."""
+    laid: dict[int, FlatPhoto] = {}
+    H_world_flat: dict[int, Homography] = {}
     for index, photo in photos.items():
-        assert photo.page is not None
-        laid[index] = view_again(photo, joint.frame(index, photo.page.view))
+        laid[index] = view_again(photo, joint.views[index])
+        frame = laid[index].frame
+        assert isinstance(frame, CurvedFrame)
+        H_world_flat[index] = joint.H_world_page[index] @ frame.H_page_flat
     moved = []
     for pair in pairs:
         ends = [
@@ -98,10 +105,10 @@ def _lay_on_sheet(
         moved.append(
             replace(
                 pair,
-                H_a_b=np.eye(3),
+                H_a_b=np.linalg.solve(H_world_flat[pair.a], H_world_flat[pair.b]),
                 points_a=ends[0][known],
                 points_b=ends[1][known],
                 weights=pair.weights[known],
             )
         )
-    return laid, tuple(moved)
+    return laid, H_world_flat, tuple(moved)

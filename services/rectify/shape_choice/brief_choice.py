@@ -33,7 +33,7 @@ from services.sheet.curved_page import (
 )
 from services.sheet.developable.fitting import FittedSurface, fit_surface
 from services.sheet.developable.observations import NO_LINES, PageObservations
-from services.sheet.developable.residuals import FittingParameters
+from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import OutlinePlane, read_sides

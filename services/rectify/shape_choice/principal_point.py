@@ -26,7 +26,7 @@ from services.rectify.analysis.photo_border import find_cut_borders
 from services.sheet.curved_page import CurvedPage, page_hull
 from services.sheet.developable.fitting import SurfaceStart, fit_surface, free_gain, rescale_deviations
 from services.sheet.developable.observations import PageObservations
-from services.sheet.developable.residuals import FittingParameters
+from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.evidence import PageEvidence
 from services.sheet.plane.flat_lines import for_text, observe_lines
 from services.sheet.plane.flat_lines import rescale_deviations as rescale_line_deviations

@@ -9,7 +9,8 @@ from services.arrays import Floats, Vector
 from services.geometry.camera import rotation_from_vector
 from services.robust import robust_scale
 from services.sheet.developable.observations import PageObservations
-from services.sheet.developable.residuals import BENDS, SLANT, FittingParameters, PageResiduals
+from services.sheet.developable.print_residuals import FittingParameters
+from services.sheet.developable.residuals import BENDS, SLANT, PageResiduals
 from services.sheet.developable.surface import BendBasis, DevelopableSurface
 from services.sheet.developable.variation import LOG_FOCAL, TURN
 
@@ -102,8 +103,8 @@ def fit_surface(
         robust_scale(parts["straight"].value),
         robust_scale(parts["spacing"].value),
         robust_scale(parts["sides"].value),
-        robust_scale(parts["major"].value * residuals.major_deviation),
-        robust_scale(parts["minor"].value * residuals.minor_deviation),
+        robust_scale(parts["major"].value * residuals.print.major_deviation),
+        robust_scale(parts["minor"].value * residuals.print.minor_deviation),
         _focal_deviation(fit.jac, observed.focal_deviation),
         moved,
         residuals.principal_point(fit.x),

@@ -253,6 +253,12 @@ class DevelopableSurface:
         P, R, _ = self._along(s)
         return P.T, R.T
 
+    def place(self, page: Points) -> Floats:
+        """Points (N, 3) in space of page points (N, 2), camera frame."""
+        s, t = self.to_sheet(page).T
+        P, R = self.line_at(s)
+        return np.asarray(P + t[:, None] * R)
+
     def _along(self, s: Vector) -> tuple[Floats, Floats, Floats]:
         """P, R and A (3, N each) at s: the rulings, and the direction of the a-axis, linear between the nodes.
 

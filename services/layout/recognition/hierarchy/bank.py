@@ -26,7 +26,8 @@ class UnaryScores:
     """Costs of a page under M models, each zone having the label of least unary cost (pairs do not choose labels).
 
     `costs` (M,) by each model's own weights, `comparable` (M,) by the usual ones. Both are those of a labelling that
-    matching may start from, pairs and counts included, and thus upper bounds of the least costs.
+    matching may start from, pairs and counts included, and thus upper bounds of the least costs, but for words: they
+    tell labels of one class apart, and have no part in the ranking of classes.
     """
 
     costs: NDArray[np.float64]
@@ -90,7 +91,7 @@ class ModelBank:
     ) -> _Weights:
         attributes, features = len(NUMERIC_ATTRIBUTES), content.shape[1]
         of_nodes = scales[self._model]
-        of_nodes[:, : attributes + features] *= learned
+        of_nodes[:, : attributes + features] *= learned[:, : attributes + features]
         # The cost of content is linear in the confidence, so one matrix product gives it for all zones.
         weights = of_nodes[:, attributes : attributes + features]
         absent = np.nan_to_num(content_cost(np.zeros(1), content)) * weights
@@ -98,7 +99,7 @@ class ModelBank:
         return _Weights(
             numeric=(of_nodes[:, :attributes] * known).astype(np.float32),
             linear=np.hstack([present - absent, absent]).astype(np.float32),
-            own=(label_costs * of_nodes[:, attributes + features]).astype(np.float32),
+            own=(label_costs * of_nodes[:, learned.shape[1]]).astype(np.float32),
             relations=scales[:, -1 - len(RELATIONS) : -1],
             counts=scales[:, -1],
         )

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.graph.zone_words import WORD_ASPECTS
 from services.layout.model.compiled_model import SUREST, CompiledModel
 from services.layout.model.layout_model import MOST_LABELS, LayoutModel
+from services.layout.model.word_counts import no_words
 
 LEAST_ZONES = 0.05
 """Zones a page that a node counts as at least: one that no sample showed still says something."""
@@ -103,7 +105,8 @@ class _Sums:
             values=np.where(self._known > 0, mean, np.nan),
             variances=np.where(self._known > 0, variance, 1.0),
             content=np.where(self._read > 0, content, np.nan),
-            weights=np.ones((len(labels), mean.shape[1] + content.shape[1])),
+            words=no_words(len(labels)),
+            weights=np.ones((len(labels), mean.shape[1] + content.shape[1] + len(WORD_ASPECTS))),
             label_costs=-np.log(np.maximum(self._label, np.exp(-LARGEST_COST)) / self._models),
             relations=np.where(self._pairs > 0, relations, 0.0),
             counts=-np.log(np.maximum(counts / self._models, np.exp(-LARGEST_COST))),

@@ -277,6 +277,8 @@ LEARNED = (
     "pieces",
     "merged",
     "apart",
+    "within",
+    "words",
     "memory",
     "evidence_slope",
     "evidence_intercept",
@@ -298,6 +300,8 @@ def optional(path: Path) -> bool:
         or path[:-1] == (*NODE, "count_costs")
         or path == ("nodes", 0, "label")  # which is null
         or path[-1] in LEARNED
+        or path[-2:-1] == ("tokens",)
+        or path[:-1] == (*NODE, "words")
         or (path[0] == "memory" and not isinstance(path[-1], int) and path[-1] not in NEEDED_OF_MEMORY)
         or (path[0] == "memory" and path[-2] in ("counts", "edges"))
     )

@@ -99,7 +99,7 @@ def test_the_sheet_that_the_other_camera_can_see_is_taken() -> None:
     assert (found.reference, found.fitted) == (0, False)
     assert found.residual < 0.01
     # The other photo is flattened by its camera before that sheet, and not by its own.
-    flat = {k: found.frame(k, VIEW).to_flat(VIEW.to_photo(shown[k])) for k in (0, 1)}
+    flat = {k: found.views[k].to_flat(VIEW.to_photo(shown[k])) for k in (0, 1)}
     assert np.nanmax(np.abs(flat[1] - flat[0])) < 0.1
     true = second_camera()
     turn = found.cameras[1].rotation @ true.rotation.T
@@ -121,7 +121,7 @@ def test_where_no_photo_has_the_right_sheet_all_together_show_it() -> None:
     assert found.fitted
     assert found.residual < 0.05
     mesh = found.mesh if found.reference == 0 else None
-    flat = found.frame(0, VIEW).to_flat(VIEW.to_photo(shown[0]))
+    flat = found.views[0].to_flat(VIEW.to_photo(shown[0]))
     before = LESS_CURVED.mesh(25).to_page(shown[0])
     assert mesh is None or similarity_residual(flat, PAGE) < 0.3 * similarity_residual(before, PAGE)
 
@@ -150,7 +150,7 @@ def test_the_answer_tells_where_each_camera_sees_the_sheet() -> None:
     found = joint_sheet(taken, shown)
     assert found is not None
     photos = {k: flat_photo(k, taken[k], shown[k]) for k in taken}
-    sheet = describe_sheet(found, photos)
+    sheet = describe_sheet(found)
     assert (sheet.kind, sheet.reference, sheet.columns) == ("creased", 0, 25)
     nodes = np.array(sheet.nodes).reshape(-1, 3)
     u, v = np.meshgrid(

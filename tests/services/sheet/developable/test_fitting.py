@@ -9,7 +9,8 @@ from services.arrays import Points, Vector
 from services.geometry.camera import PrincipalPointPrior
 from services.sheet.developable.fitting import FittedSurface, fit_surface, free_gain, rescale_deviations
 from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations
-from services.sheet.developable.residuals import BENDS, FittingParameters, PageResiduals, surface_of
+from services.sheet.developable.print_residuals import FittingParameters
+from services.sheet.developable.residuals import BENDS, PageResiduals, surface_of
 from services.sheet.developable.surface import DevelopableSurface
 from services.texture_flow.field import FlowSamples
 from tests.services.sheet.developable.sheets import BASIS, FLAT, PAGE, SLANT_RAD, Bent, observe, page_error

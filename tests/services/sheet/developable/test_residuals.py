@@ -19,6 +19,13 @@ from services.sheet.developable.observations import (
     PageObservations,
     Run,
 )
+from services.sheet.developable.print_residuals import (
+    MAJOR_RAD,
+    MINOR_RAD,
+    FittingParameters,
+    Residual,
+    under,
+)
 from services.sheet.developable.residuals import (
     BEND,
     BEND_CHANGE,
@@ -26,17 +33,12 @@ from services.sheet.developable.residuals import (
     BENDS,
     GROWTH,
     GROWTH_DEVIATION,
-    MAJOR_RAD,
-    MINOR_RAD,
     RIM_DIFFERENCE,
     SLANT,
     SLOPE,
     USUAL_SKEW_RAD,
-    FittingParameters,
     PageResiduals,
-    Residual,
     surface_of,
-    under,
 )
 from services.texture_flow.field import FlowSamples
 from tests.services.sheet.developable.sheets import (
@@ -102,7 +104,7 @@ def test_all_residuals_vanish_at_the_truth(name: str) -> None:
     bent = SHEETS[name]
     observed = observe(bent.surface(), edges=True)
     parts = residuals_of(bent, observed).parts(at(bent))
-    assert list(parts) == ["major", "minor", "straight", "spacing", "margins", "crossing", "sides"]
+    assert list(parts) == ["major", "minor", "straight", "spacing", "margins", "sides", "crossing"]
     sizes = {key: len(part.value) for key, part in parts.items()}
     assert sizes == {
         "major": len(PAGE),
@@ -307,7 +309,7 @@ def test_only_observations_are_under_a_loss() -> None:
     for name, number in (("spacing", 3), ("margins", 4)):
         group = slice(sum(count[:number]), sum(count[: number + 1]))
         assert np.allclose(value[group], cauchy(part[name].value)[0])
-    crossing = slice(sum(count[:5]), sum(count[:6]))
+    crossing = slice(sum(count[:6]), sum(count[:7]))
     assert np.array_equal(value[crossing], part["crossing"].value)
 
 

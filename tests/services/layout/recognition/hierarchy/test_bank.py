@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from services.layout.graph.layout_graph import LayoutGraph, build_graph
+from services.layout.graph.zone_words import NO_TOKENS, WORD_ASPECTS
 from services.layout.matching import MatchingParameters, match_directly
-from services.layout.model.compiled_model import CompiledModel, comparable_scales
+from services.layout.model.compiled_model import CompiledModel, comparable_scales, scale_names
 from services.layout.model.cost import build_cost_tables, labelling_cost, node_terms
 from services.layout.model.layout_model import LayoutModel
 from services.layout.pipeline import content_features
@@ -22,9 +23,10 @@ from tests.services.layout.samples import MAKERS, model_of, page_of
 def alone(graph: LayoutGraph, model: CompiledModel) -> tuple[float, float]:
     """Costs of one model by its own weights and by those that compare classes."""
     terms = node_terms(graph, model)
-    labels = (terms @ model.scales[: terms.shape[2]]).argmin(axis=1)
+    scales = np.where(np.isin(scale_names(NAMES), WORD_ASPECTS), 0.0, model.scales)  # no part of the ranking
+    labels = (terms @ scales[: terms.shape[2]]).argmin(axis=1)
     return (
-        sum(labelling_cost(graph, model, labels, model.scales)),
+        sum(labelling_cost(graph, model, labels, scales)),
         sum(labelling_cost(graph, model, labels, comparable_scales(NAMES))),
     )
 
@@ -73,7 +75,7 @@ def test_pages_with_hardly_a_pair(zones: int) -> None:
 def test_matching_costs_no_more_than_a_look() -> None:
     models = [compiled(each.model) for each in base(2)]
     for name in MAKERS:
-        graph = graph_of(name, 1002)
+        graph = replace(graph_of(name, 1002), tokens=NO_TOKENS)
         scores = check(graph, models)
         for cost, model in zip(scores.costs, models, strict=True):
             assert match_directly(build_cost_tables(graph, model), MatchingParameters()).cost <= cost + 0.01

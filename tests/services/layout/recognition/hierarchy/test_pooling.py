@@ -17,7 +17,9 @@ def pooled(*models: LayoutModel) -> CompiledModel:
 
 
 def arrays(model: CompiledModel) -> dict[str, np.ndarray]:
-    return {each.name: getattr(model, each.name) for each in fields(model) if each.name != "labels"}
+    return {
+        each.name: getattr(model, each.name) for each in fields(model) if each.name not in ("labels", "words")
+    }
 
 
 def node(label: str | None, zones: float, value: float, variance: float) -> ModelNode:

@@ -1,0 +1,28 @@
+"""Where a line of words is cut into parts: where a key ends, where a value begins or ends, and at wide spaces."""
+
+import re
+from collections.abc import Sequence
+
+from services.layout.page import ZoneWord
+from services.ocr.engine import Word
+
+_WIDE = 1.2
+"""Space between two words, in em, that parts columns: words of a line are a third of an em apart."""
+_KEY_END = re.compile(r"[:=]$|^[:=]+$")
+_VALUE = re.compile(
+    r"\d{1,4}([./-])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}(?::\d{2})?(?:[AaPp][Mm])?|\(?-?\W?\d[\d.,']*[.,]\d{2}\)?"
+)
+"""A word that is a date, a time or an amount: a value of its own."""
+
+
+def places_of_cuts(words: Sequence[Word] | Sequence[ZoneWord], em: float) -> list[int]:
+    """Places of the words, from left to right, before which their line is cut; `em` is its font size in their unit."""
+    values = [bool(_VALUE.fullmatch(word.text.strip(".,;*"))) for word in words]
+    return [
+        at
+        for at in range(1, len(words))
+        if words[at].box[0] - words[at - 1].box[2] > _WIDE * em
+        or values[at] != values[at - 1]
+        or (values[at] and values[at - 1])
+        or (_KEY_END.search(words[at - 1].text) and not _KEY_END.search(words[at].text))
+    ]

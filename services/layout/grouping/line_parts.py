@@ -1,0 +1,227 @@
+"""Lines cut into parts, where a class labels parts of what segmentation keeps together.
+
+A line is cut where a key ends, where a value begins or ends, and at wide spaces. The class's model labels all parts of
+a page at once. Parts that it gives a label which its samples have within larger zones are taken out of their zone; what
+is left of that stays together. So a grouping by print and one by words are matched, and the words decide only where
+samples say so.
+"""
+
+from collections.abc import Iterator, Sequence, Set
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from services.layout.content.content_features import ContentFeatures
+from services.layout.graph.layout_graph import build_graph
+from services.layout.grouping.line_cuts import places_of_cuts
+from services.layout.matching import NO_PROOF, conditional_costs, match_directly
+from services.layout.model.compiled_model import compile_model
+from services.layout.model.cost import build_cost_tables
+from services.layout.model.layout_model import LayoutModel, ModelNode, PieceStatistics
+from services.layout.recognition.results import Recognition, RecognizedZone
+from services.layout.segmentation import FinePage, Line, compose_with_lines
+from services.layout.segmentation.measures import SAME_ROW
+from services.ocr.engine import Word
+
+MOST_PARTS = 200
+"""Of a page; pairs grow with their square. A page with more lines is no form."""
+LEAST_SHARE = 0.1
+"""Of the zones of a label that lie within larger ones, from which on it is looked for there."""
+PRIOR_ZONES = 1.0
+"""As if so many zones had been seen that are whole."""
+_MAY_BE = 2.0
+"""Log odds against a label up to which a part may have it, as for values (`recognition.label_evidence`)."""
+
+
+SINGLE = 5.5
+"""Log odds of one zone a page against any larger number: that of three samples with one each, none with more."""
+
+
+def share_within(label: PieceStatistics) -> float:
+    """Share of the zones of a label that are parts of larger zones of segmentation, by what the class has seen."""
+    return label.within / (label.whole + label.divided + label.within + PRIOR_ZONES)
+
+
+def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures) -> FinePage:
+    """The page with the parts taken out that `model` labels; the same object where it takes none.
+
+    It takes nothing where no label of the model lies within larger zones, or where nothing was read.
+    """
+    within = {
+        node.label
+        for node in model.nodes
+        if node.label is not None and share_within(node.pieces) >= LEAST_SHARE
+    }
+    if not within or not any(fine.words):
+        return fine
+    cut = cut_lines(fine)
+    if len(cut.fine.lines) > MOST_PARTS:
+        return fine
+    taken = _labels_of_parts(cut.fine, model, features, within)
+    blocks = tuple(part for block in cut.blocks for part in _without_taken(cut.fine, block, taken))
+    if len(blocks) == len(cut.blocks):
+        return fine
+    return replace(cut.fine, blocks=blocks)
+
+
+def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
+    """The recognition; of zones with a label that samples have once a page, the surest keeps it.
+
+    This is for labels of parts: a column of amounts holds several that look like the total.
+    """
+    single = {
+        node.label for node in model.nodes if node.label and share_within(node.pieces) and _is_single(node)
+    }
+    best: dict[str, RecognizedZone] = {}
+    for each in seen.zones:
+        if each.label in single:
+            assert each.label is not None
+            best[each.label] = max(best.get(each.label, each), each, key=_evidence)
+    zones = tuple(
+        replace(
+            each,
+            label=None,
+            group=None,
+            confidence=1.0 - each.confidence,
+            others={each.label: each.confidence},
+        )
+        if each.label in best and best[each.label] is not each
+        else each
+        for each in seen.zones
+    )
+    return replace(seen, zones=zones)
+
+
+def _is_single(node: ModelNode) -> bool:
+    """Whether one zone of the label on a page costs less than any other number, and more zones were never seen."""
+    costs = node.count_costs
+    return len(costs) > 2 and costs[1] == min(costs) and min(costs[2:]) - costs[1] > SINGLE
+
+
+def _evidence(zone: RecognizedZone) -> float:
+    return zone.confidence if zone.evidence is None else zone.evidence
+
+
+@dataclass(frozen=True, slots=True)
+class CutLines:
+    """A page whose lines are parts, each of them a block, and the parts of every block of the page before."""
+
+    fine: FinePage
+    blocks: tuple[tuple[int, ...], ...]
+
+
+def cut_lines(fine: FinePage) -> CutLines:
+    """The page with its lines cut into parts."""
+    lines: list[Line] = []
+    boxes: list[np.ndarray] = []
+    words: list[tuple[Word, ...]] = []
+    texts: list[str] = []
+    parts: list[tuple[int, ...]] = []
+    for index, line in enumerate(fine.lines):
+        own = fine.words[index]
+        cuts = places_of_cuts(own, line.em * fine.scale)
+        begin = len(lines)
+        for a, b in pairwise([0, *cuts, len(own)]) if cuts else [(0, len(own))]:
+            box = _box_of(own[a:b], fine.boxes[index]) if cuts else fine.boxes[index]
+            lines.append(_narrowed(line, fine.boxes[index], box))
+            boxes.append(box)
+            words.append(own[a:b])
+            texts.append(" ".join(word.text for word in own[a:b]) if cuts else fine.texts[index])
+        parts.append(tuple(range(begin, len(lines))))
+    blocks = tuple(tuple(part for line in block for part in parts[line]) for block in fine.blocks)
+    finer = replace(
+        fine,
+        lines=tuple(lines),
+        boxes=np.array(boxes).reshape(-1, 4),
+        words=tuple(words),
+        texts=tuple(texts),
+        begins=frozenset(parts[line][0] for line in fine.begins),
+        blocks=tuple((part,) for block in blocks for part in block),
+    )
+    return CutLines(finer, blocks)
+
+
+def _box_of(words: Sequence[Word], line: np.ndarray) -> np.ndarray:
+    """The words' part of their line, as high as the line."""
+    return np.array(
+        [min(word.box[0] for word in words), line[1], max(word.box[2] for word in words), line[3]]
+    )
+
+
+def _narrowed(line: Line, old: np.ndarray, new: np.ndarray) -> Line:
+    """The line from and to the sides of its part: both boxes in pixels of the page."""
+    x0, y0, x1, y1 = line.box
+    scale = (x1 - x0) / max(old[2] - old[0], 1e-9)
+    return replace(line, box=(x0 + scale * (new[0] - old[0]), y0, x1 + scale * (new[2] - old[2]), y1))
+
+
+def _labels_of_parts(
+    fine: FinePage, model: LayoutModel, features: ContentFeatures, within: Set[str]
+) -> list[str | None]:
+    """Which of the labels `within` every part of the page has, None where none is probable.
+
+    A label that no part has is given to the one that may have it most probably: the whole page decides later.
+    """
+    page, lines = compose_with_lines(fine)
+    page = features.measure_page(page)
+    graph = build_graph(page, features.names)
+    compiled = compile_model(model, graph.content_names)
+    tables = build_cost_tables(graph, compiled)
+    found = match_directly(tables, NO_PROOF).labels
+    costs = conditional_costs(tables, found)
+    is_text = np.array(
+        [bool(zone.text.strip()) and bool(own) for zone, own in zip(page.zones, lines, strict=True)]
+    )
+    labels: list[str | None] = [None] * len(fine.lines)
+    for place, label in enumerate(compiled.labels):
+        if label not in within or not is_text.any():
+            continue
+        excess = costs[:, place] - np.delete(costs, place, axis=1).min(axis=1)
+        chosen = np.flatnonzero(is_text & (found == place) & (excess < 0))
+        if not len(chosen):
+            nearest = int(np.argmin(np.where(is_text, excess, np.inf)))
+            chosen = np.array([nearest] if excess[nearest] < _MAY_BE else [], np.intp)
+        for zone in chosen:
+            for part in lines[zone]:
+                labels[part] = label
+    return labels
+
+
+def _without_taken(
+    fine: FinePage, block: tuple[int, ...], taken: Sequence[str | None]
+) -> Iterator[tuple[int, ...]]:
+    """Parts of a block that stay together: neighbours of one label in a row, and whole rows of one label."""
+    if len({taken[part] for part in block}) == 1:
+        yield block
+        return
+    together: list[int] = []
+    before: str | None = None
+    for row in _rows(fine, block):
+        runs = [(label, list(run)) for label, run in groupby(row, key=lambda part: taken[part])]
+        for label, run in runs:
+            if together and (len(runs) > 1 or label != before):
+                yield tuple(together)
+                together = []
+            together += run
+            before = label
+        if len(runs) > 1:
+            yield tuple(together)
+            together = []
+    if together:
+        yield tuple(together)
+
+
+def _rows(fine: FinePage, block: Sequence[int]) -> Iterator[list[int]]:
+    """Parts of a block by rows from the top, each from left to right."""
+    ordered = sorted(block, key=lambda part: fine.lines[part].baseline)
+    row: list[int] = []
+    for part in ordered:
+        if row:
+            first, own = fine.lines[row[0]], fine.lines[part]
+            if own.baseline - first.baseline > SAME_ROW * min(first.em, own.em):
+                yield sorted(row, key=lambda each: fine.boxes[each, 0])
+                row = []
+        row.append(part)
+    if row:
+        yield sorted(row, key=lambda each: fine.boxes[each, 0])
