@@ -1,5 +1,6 @@
 """The pages keep to the code: names that they write exist, links lead somewhere, options have their rows."""
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -12,7 +13,10 @@ from app.schemas.layout import LayoutForm
 from app.schemas.mosaic import MosaicForm
 from app.schemas.rectify import RectifyForm
 from benchmarks.__main__ import MODULES
-from deploy import api_tables
+from deploy import api_answers, api_tables
+from services.contract.answers.layout import LayoutResult
+from services.contract.answers.mosaic import MosaicResult
+from services.contract.answers.rectify import RectifyResult
 
 ROOT = Path(__file__).parent.parent
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
@@ -137,3 +141,24 @@ def test_links_to_sections_lead_to_headings() -> None:
         headings = re.findall(r"^#+ (.*)$", page, re.MULTILINE)
         slugs = [re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings]
         assert anchor in slugs, target
+
+
+@pytest.mark.parametrize(
+    ("path", "model"), [("/rectify", RectifyResult), ("/mosaic", MosaicResult), ("/layout", LayoutResult)]
+)
+def test_shown_answers_have_the_fields_of_their_models(path: str, model: type[BaseModel]) -> None:
+    page = api_tables.PAGE.read_text("utf-8")
+    (shown,) = re.findall(rf"<!-- answer of {path}: .* -->\n```json\n(.*?)```", page, re.DOTALL)
+    names = {field.alias or name: field.is_required() for name, field in model.model_fields.items()}
+    assert {name for name, required in names.items() if required} <= set(json.loads(shown)) <= set(names)
+
+
+def test_long_lists_of_answers_are_cut_and_say_so() -> None:
+    shown = api_answers.shortened(
+        {"box": [1, 2, 3, 4], "row": [0.12345678, 1, 2, 3, 4], "zones": [{}, {}, {}]}
+    )
+    assert shown == {
+        "box": [1, 2, 3, 4],
+        "row": [0.123457, 1, 2, 3, "... 1 more"],
+        "zones": [{}, "... 2 more"],
+    }
