@@ -172,7 +172,16 @@ def test_serve_listens_where_it_is_told() -> None:
 def test_help_names_every_target_that_a_person_calls() -> None:
     told = set(re.findall(r"^make (\S+)", run_make("help"), re.MULTILINE))
     assert told <= make_targets()
-    steps = {"python", "venv-dev", "venv-bench", "postgresql", "chromium", "typescript", "data-folder"}
+    steps = {
+        "python",
+        "venv-dev",
+        "venv-bench",
+        "postgresql",
+        "chromium",
+        "java",
+        "typescript",
+        "data-folder",
+    }
     assert make_targets() - told <= {"help"} | steps
 
 
