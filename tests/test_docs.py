@@ -149,7 +149,9 @@ def test_links_to_sections_lead_to_headings() -> None:
 def test_shown_answers_have_the_fields_of_their_models(path: str, model: type[BaseModel]) -> None:
     page = api_tables.PAGE.read_text("utf-8")
     (shown,) = re.findall(rf"<!-- answer of {path}: [^\n]* -->\n```json\n(.*?)```", page, re.DOTALL)
-    names = {field.alias or name: field.is_required() for name, field in model.model_fields.items()}
+    names = {
+        field.serialization_alias or name: field.is_required() for name, field in model.model_fields.items()
+    }
     assert {name for name, required in names.items() if required} <= set(json.loads(shown)) <= set(names)
 
 
