@@ -34,6 +34,7 @@ MODULES = {
     "layout_recognition": "layout.recognition",
     "layout_words": "layout.word_labels",
     "layout_values": "layout.values",
+    "layout_receipts": "layout.receipts",
     "layout_calibration": "layout.label_trust",
     "layout_evidence": "layout.evidence_learning",
     "layout_joins": "layout.join_learning",

@@ -18,6 +18,7 @@ from services.layout.segmentation.gathering import gather_scraps
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.inner_print import block_boxes, give_to_figures, lie_within
 from services.layout.segmentation.line_numbers import split_line_numbers
+from services.layout.segmentation.lost_words import with_lost_words
 from services.layout.segmentation.non_text import find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
@@ -93,7 +94,7 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
         )
         for part in parts
     )
-    return FinePage(
+    fine = FinePage(
         width=float(width),
         height=float(height),
         scale=printed.frame.mean_scale,
@@ -108,6 +109,7 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
         others=others,
         ink=mark_ink(printed),
     )
+    return with_lost_words(fine, words, printed.frame)
 
 
 @dataclass(frozen=True, slots=True)

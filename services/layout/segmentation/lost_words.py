@@ -1,0 +1,97 @@
+"""Words that were read where the ink showed no line: they become lines of their own.
+
+Segmentation finds lines in connected components. Print of dots, or print that runs into a dark border, falls apart or
+together, and a reader that looks at the picture reads it all the same. Where much of what was read has no line, the
+words are believed, and not the components.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.layout.segmentation.fine_page import FinePage
+from services.layout.segmentation.frame import LevelledFrame
+from services.layout.segmentation.measures import SAME_ROW
+from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line
+from services.ocr.engine import Word
+
+_SURE = 0.6
+"""Least confidence of a word that is believed without a line."""
+_MANY = 0.1
+"""Share of the sure words that have no line, from which on the components are not believed. On pages whose print is
+whole it is 2 % at most: letters within figures, and specks that were read."""
+_FEW = 5
+_COLUMN_GAP = 2.0
+"""Space between two words that parts lines, in heights of the words."""
+_COVERED = 0.5
+"""Share of a line without words from which on it is a scrap of the lines that were read."""
+
+
+def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: LevelledFrame) -> FinePage:
+    """The page with lines of the `words` that no line and no figure has, each a block; the same where these are few."""
+    sure = [word for word in words or () if word.confidence >= _SURE and any(map(str.isalnum, word.text))]
+    held = {(word.text, word.box) for own in fine.words for word in own}
+    held |= {(word.text, word.box) for zone in fine.others for word in zone.words}
+    lost = [word for word in sure if (word.text, word.box) not in held]
+    if len(lost) < max(_FEW, _MANY * len(sure)):
+        return fine
+    rows = list(_rows(lost))
+    boxes = np.array([_hull(row) for row in rows])
+    levelled = frame.level(boxes / np.array([*frame.scale, *frame.scale]))
+    lines = [_line(box) for box in levelled]
+    scraps = _scraps(fine, boxes)
+    blocks = [tuple(line for line in block if line not in scraps) for block in fine.blocks]
+    count = len(fine.lines)
+    return replace(
+        fine,
+        lines=(*fine.lines, *lines),
+        boxes=np.concatenate([fine.boxes, boxes]),
+        texts=(*fine.texts, *(" ".join(word.text for word in row) for row in rows)),
+        words=(*fine.words, *map(tuple, rows)),
+        blocks=(*(block for block in blocks if block), *((count + row,) for row in range(len(rows)))),
+    )
+
+
+def _rows(words: Sequence[Word]) -> Iterator[list[Word]]:
+    """Words of one row without a wide space between them, from left to right."""
+    left = sorted(words, key=lambda word: word.box[1] + word.box[3])
+    while left:
+        first = left[0]
+        middle, height = (first.box[1] + first.box[3]) / 2, first.box[3] - first.box[1]
+        row = [word for word in left if abs((word.box[1] + word.box[3]) / 2 - middle) <= SAME_ROW * height]
+        left = [word for word in left if word not in row]
+        row.sort(key=lambda word: word.box[0])
+        part = row[:1]
+        for word in row[1:]:
+            if word.box[0] - part[-1].box[2] > _COLUMN_GAP * height:
+                yield part
+                part = []
+            part.append(word)
+        yield part
+
+
+def _hull(words: Sequence[Word]) -> NDArray[np.float64]:
+    boxes = np.array([word.box for word in words])
+    return np.concatenate([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])
+
+
+def _line(box: NDArray[np.float64]) -> Line:
+    """A line of a box on the working copy, as high as its capitals; its strokes are not known."""
+    x0, y0, x1, y1 = box.tolist()
+    height = max(y1 - y0, 1.0)
+    return Line(
+        np.empty(0, np.intp), (x0, y0, x1, y1), y1, height / CAPITAL_HEIGHT, 0.7 * height, 0.1 * height
+    )
+
+
+def _scraps(fine: FinePage, boxes: NDArray[np.float64]) -> set[int]:
+    """Lines without words that lie for the most part in one of the boxes."""
+    own = fine.boxes
+    across = np.minimum(own[:, None, 2], boxes[:, 2]) - np.maximum(own[:, None, 0], boxes[:, 0])
+    down = np.minimum(own[:, None, 3], boxes[:, 3]) - np.maximum(own[:, None, 1], boxes[:, 1])
+    shared = (np.maximum(across, 0.0) * np.maximum(down, 0.0)).max(axis=1, initial=0.0)
+    area = (own[:, 2] - own[:, 0]) * (own[:, 3] - own[:, 1])
+    is_scrap = shared >= _COVERED * np.maximum(area, 1e-9)
+    return {line for line in np.flatnonzero(is_scrap).tolist() if not fine.words[line]}
