@@ -19,9 +19,9 @@ from services.ocr.engine import Word
 
 _SURE = 0.6
 """Least confidence of a word that is believed without a line."""
-_MANY = 0.1
-"""Share of the sure words that have no line, from which on the components are not believed. On pages whose print is
-whole it is 2 % at most: letters within figures, and specks that were read."""
+_MANY = 0.25
+"""Share of the sure words that have no line, from which on the components are not believed. On letters in which a
+signature or a stamp covers print it is up to 15 %."""
 _FEW = 5
 _COLUMN_GAP = 2.0
 """Space between two words that parts lines, in heights of the words."""

@@ -184,7 +184,7 @@ def test_the_outline_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None
     outline = outline_of_truth(shot.truth, 0.5, np.random.default_rng(0))
     looked: list[bool] = []
 
-    def look(_photo: RgbImage, characters: object = None, _height: object = None) -> SheetOutline:
+    def look(_photo: RgbImage, characters: object = None, *_: object) -> SheetOutline:
         looked.append(characters is not None)
         return outline
 
