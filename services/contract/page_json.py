@@ -23,6 +23,7 @@ class ZoneJson(TypedDict):
     pieces: NotRequired[list[list[float]]]
     text: NotRequired[str]
     content: NotRequired[Mapping[str, float]]
+    printed: NotRequired[list[list[str | float]]]
 
 
 class GivenZoneJson(TypedDict):

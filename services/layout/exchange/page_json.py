@@ -1,7 +1,9 @@
 """Zones JSON of the HTTP contract, used in the request field `zones`, in samples, and in answers of /layout.
 
 `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "label"?, "kind"?, "lines"?, "font_size"?,
-"line_spacing"?, "weight"?, "alignment"?, "appearance"?, "text"?, "content"?, "pieces"?}]}`; other keys are passed over.
+"line_spacing"?, "weight"?, "alignment"?, "appearance"?, "text"?, "content"?, "pieces"?, "printed"?}]}`; other keys are
+passed over. `printed` are the words that OCR read, `[text, x0, y0, x1, y1, confidence, line]` each: what stored pages
+keep. Where it is no such list, it is passed over too.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,12 +23,15 @@ from services.layout.page import (
     Kind,
     Page,
     Zone,
+    ZoneWord,
     is_finite_number,
 )
 from services.notices import Notice
 
 _MOST_LINES = 100_000
 """As many as the page may have pixels."""
+_MOST_WORDS = 5000
+_LONGEST_WORD = 1000
 _LARGEST_APPEARANCE = 1e6
 """All of it are shares and ratios."""
 _BEYOND_PAGE = 1.0
@@ -142,6 +147,10 @@ def _zone_document(zone: Zone) -> ZoneJson:
         document["text"] = zone.text
     if zone.content:
         document["content"] = dict(zone.content)
+    if zone.words:
+        document["printed"] = [
+            [word.text, *map(round, word.box), round(word.confidence, 3), word.line] for word in zone.words
+        ]
     return document
 
 
@@ -183,7 +192,26 @@ def _zone(given: Any, field: str, width: float, height: float, limits: ExchangeL
         content=_content(given.get("content"), f"{field}.content", limits),
         label=_label(given.get("label"), f"{field}.label", limits),
         pieces=_pieces(given.get("pieces"), f"{field}.pieces", width, height, limits),
+        words=_printed(given.get("printed")),
     )
+
+
+def _printed(value: Any) -> tuple[ZoneWord, ...]:
+    """The words of a zone; none where one of them is no word."""
+    if not isinstance(value, list) or len(value) > _MOST_WORDS:
+        return ()
+    words = []
+    for each in value:
+        if not isinstance(each, list) or len(each) != 7 or not isinstance(each[0], str):
+            return ()
+        text, *numbers = each
+        if not all(map(is_finite_number, numbers)) or not 1 <= len(text) <= _LONGEST_WORD:
+            return ()
+        x0, y0, x1, y1, confidence, line = map(float, numbers)
+        if max(map(abs, (x0, y0, x1, y1, line))) > _MOST_LINES or not 0 <= confidence <= 1 or line < 0:
+            return ()
+        words.append(ZoneWord(text, (x0, y0, max(x1, x0 + 1.0), max(y1, y0 + 1.0)), confidence, int(line)))
+    return tuple(words)
 
 
 def _id(given: dict[Any, Any], field: str, limits: ExchangeLimits) -> str:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 from services.layout.exchange.page_json import page_from_document, page_to_document
-from services.layout.page import InkAppearance, InvalidLayout, Page, Zone
+from services.layout.page import InkAppearance, InvalidLayout, Page, Zone, ZoneWord
 from tests.services.layout.exchange.pages import LIMITS, pages
 
 BOX = [10, 20, 30, 40]
@@ -82,6 +82,39 @@ def test_pieces_are_kept_and_wrong_ones_refused() -> None:
         with pytest.raises(InvalidLayout) as refused:
             page_from_document(document(zone(pieces=wrong)), LIMITS)
         assert refused.value.field == field
+
+
+WORDS = (
+    ZoneWord("Total", (10.0, 10.0, 60.0, 22.0), 0.9, 0),
+    ZoneWord("9.50", (10.0, 30.0, 50.0, 42.0), 0.75, 1),
+)
+
+
+def test_words_are_kept_in_whole_pixels() -> None:
+    zone = Zone("a", (10.0, 10.0, 60.0, 42.0), text="Total\n9.50", words=WORDS)
+    told = json.loads(json.dumps(page_to_document(Page(100.0, 100.0, (zone,)))))
+    assert told["zones"][0]["printed"][1] == ["9.50", 10, 30, 50, 42, 0.75, 1]
+    assert page_from_document(told, LIMITS).zones[0].words == WORDS
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "Total",
+        [["Total", 10, 10, 60, 22, 0.9]],
+        [["Total", 10, 10, 60, 22, 1.5, 0]],
+        [["Total", 10, 10, math.inf, 22, 0.9, 0]],
+        [["Total", 10, 10, 60, 22, 0.9, -1]],
+        [[7, 10, 10, 60, 22, 0.9, 0]],
+        [["", 10, 10, 60, 22, 0.9, 0]],
+        [["x", 0, 0, 1, 1, 0.9, 0]] * 5001,
+    ],
+)
+def test_words_that_are_none_are_passed_over(wrong: object) -> None:
+    zone = {"id": "a", "box": [10, 10, 60, 42], "text": "Total", "printed": wrong}
+    [read] = page_from_document({"width": 100, "height": 100, "zones": [zone]}, LIMITS).zones
+    assert read.words == ()
+    assert read.text == "Total"
 
 
 def test_appearance_is_kept() -> None:
