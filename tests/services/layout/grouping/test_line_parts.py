@@ -109,6 +109,8 @@ def test_a_class_without_parts_keeps_its_zones() -> None:
     nodes = tuple(replace(node, pieces=replace(node.pieces, within=0.0)) for node in model.nodes)
     fine = slip(11)
     assert take_out_parts(fine, replace(model, nodes=nodes), content_features()) is fine
+    rare = replace(model, samples=40)
+    assert take_out_parts(fine, rare, content_features()) is fine, "five parts in forty samples are chance"
     assert share_within(PieceStatistics(whole=3.0)) == 0.0
     unread = replace(fine, words=((),) * len(fine.lines), texts=("",) * len(fine.lines))
     assert take_out_parts(unread, model, content_features()) is unread
