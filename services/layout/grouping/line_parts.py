@@ -42,6 +42,9 @@ LEAST_PAGES = 0.15
 """Parts with the label, per sample, from which on it is looked for. A caption of one title page in twelve that lay in a
 larger zone made parts of lines of all others: zones with a wrong label 4.3 -> 18.8 %."""
 
+LEAST_PARTS = 2
+"""Parts with the label from which on it is looked for, where there are as many samples: one is chance."""
+
 
 def share_within(label: PieceStatistics) -> float:
     """Share of the zones of a label that are parts of larger zones of segmentation, by what the class has seen."""
@@ -58,7 +61,7 @@ def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures
         for node in model.nodes
         if node.label is not None
         and share_within(node.pieces) >= LEAST_SHARE
-        and node.pieces.within >= LEAST_PAGES * model.samples
+        and node.pieces.within >= max(LEAST_PAGES * model.samples, min(LEAST_PARTS, model.samples))
     }
     if not within or not any(fine.words):
         return fine

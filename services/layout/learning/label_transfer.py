@@ -90,6 +90,7 @@ def zones_within(truth: Page, found: Page) -> dict[int, list[int]]:
     is_labelled = np.array([zone.label is not None for zone in truth.zones])
     is_whole = (shared >= MOST_OF_ZONE * box_areas(found.zones)[:, None]) & is_labelled
     is_part &= is_labelled & ~is_whole.any(axis=1)[:, None]
+    is_part &= np.array([zone.kind == "text" for zone in truth.zones])  # a picture is no part of a line
     is_part &= np.array([zone.kind == "text" and bool(zone.words) for zone in found.zones])[:, None]
     return {
         int(place): np.flatnonzero(is_part[place]).tolist() for place in np.flatnonzero(is_part.any(axis=1))

@@ -83,6 +83,8 @@ def test_lines_are_cut_at_keys_values_and_wide_spaces() -> None:
 def test_a_drawn_part_of_a_zone_is_a_part_and_the_rest_is_left() -> None:
     verified, found = sample(1)
     assert zones_within(verified, found) == {1: [1]}
+    picture = replace(verified, zones=(verified.zones[0], replace(verified.zones[1], kind="figure")))
+    assert zones_within(picture, found) == {}
     apart = come_apart(verified, found)
     assert [zone.label for zone in apart.zones[:2]] == ["head", "total"]
     left = ["Total", "Change", "7.80", "Subtotal", "38.00", "Cash", "60.00"]
