@@ -17,7 +17,7 @@ function factsOf({ width, height, orientation, warnings, quality, corners, photo
   return { width, height, warnings, quality, photo, corners: seen, rotation: orientation.rotation_deg };
 }
 
-/** The same of a page that was joined: the page itself counts as its photo. `places` are outlines of its photos. */
+/** A kept page for a joined page, which counts as its own photo. `places` are outlines of its photos. */
 function factsOfJoined({ width, height, warnings, patches }) {
   const places = patches.map((patch) => (patch.placed ? rounded(borderOf(patch.mesh.target)) : null));
   return { width, height, warnings, quality: null, photo: null, corners: null, rotation: 0, places };

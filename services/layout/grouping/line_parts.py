@@ -51,18 +51,22 @@ def share_within(label: PieceStatistics) -> float:
     return label.within / (label.whole + label.divided + label.within + PRIOR_ZONES)
 
 
+def labels_of_parts(model: LayoutModel) -> frozenset[str]:
+    """The labels that the samples of a model have often enough within larger zones."""
+    least = max(LEAST_PAGES * model.samples, min(LEAST_PARTS, model.samples))
+    return frozenset(
+        node.label
+        for node in model.nodes
+        if node.label is not None and node.pieces.within >= least and share_within(node.pieces) >= LEAST_SHARE
+    )
+
+
 def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures) -> FinePage:
     """The page with the parts taken out that `model` labels; the same object where it takes none.
 
     It takes nothing where no label of the model lies within larger zones, or where nothing was read.
     """
-    within = {
-        node.label
-        for node in model.nodes
-        if node.label is not None
-        and share_within(node.pieces) >= LEAST_SHARE
-        and node.pieces.within >= max(LEAST_PAGES * model.samples, min(LEAST_PARTS, model.samples))
-    }
+    within = labels_of_parts(model)
     if not within or not any(fine.words):
         return fine
     cut = cut_lines(fine)
@@ -80,9 +84,8 @@ def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
 
     This is for labels of parts: a column of amounts holds several that look like the total.
     """
-    single = {
-        node.label for node in model.nodes if node.label and share_within(node.pieces) and _is_single(node)
-    }
+    of_parts = labels_of_parts(model)
+    single = {node.label for node in model.nodes if node.label in of_parts and _is_single(node)}
     best: dict[str, RecognizedZone] = {}
     for each in seen.zones:
         if each.label in single:

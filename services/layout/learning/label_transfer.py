@@ -67,12 +67,11 @@ def come_apart(truth: Page, found: Page) -> Page:
     zones: list[Zone] = []
     for place, zone in enumerate(found.zones):
         parts = [truth.zones[each] for each in merged.get(place, within.get(place, ()))]
+        if not parts:
+            zones.append(zone)
+            continue
         left = [] if place in merged else _what_is_left(zone, parts)
-        zones += (
-            [replace(part, id=f"{zone.id}.{n}") for n, part in enumerate([*parts, *left], 1)]
-            if parts
-            else [zone]
-        )
+        zones += [replace(part, id=f"{zone.id}.{n}") for n, part in enumerate([*parts, *left], 1)]
     return replace(found, zones=tuple(zones)) if merged or within else found
 
 
