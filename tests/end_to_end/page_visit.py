@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
 
 from tests.end_to_end.browser import CHROMIUM, SECONDS
 
@@ -40,6 +40,34 @@ class Visit:
         """No error in the console, no violation of the policy, no request to another host."""
         assert self.complaints == [], self.complaints
         assert self.other_hosts == []
+
+
+class HeldRequests:
+    """Requests to `path` whose body has `part`, held until a test answers them; all others go on.
+
+    A request reaches the test a moment after what the page shows of it, so `take` waits.
+    """
+
+    def __init__(self, page: Page, path: str, part: str) -> None:
+        self._page = page
+        self._part = part
+        self._held: list[Route] = []
+        page.route(path, self._hold)
+
+    def _hold(self, route: Route) -> None:
+        if self._part in (route.request.post_data or ""):
+            self._held.append(route)
+        else:
+            route.continue_()
+
+    def take(self) -> Route:
+        """The oldest request that is held."""
+        waited = 0
+        while not self._held:
+            assert waited < SECONDS * 1000, f"no request with {self._part} came"
+            self._page.wait_for_timeout(20)
+            waited += 20
+        return self._held.pop(0)
 
 
 @contextmanager

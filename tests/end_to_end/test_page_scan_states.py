@@ -14,7 +14,7 @@ from tests.app.scripts import upload
 from tests.end_to_end.accessibility import violations
 from tests.end_to_end.browser import NEEDS_CHROMIUM
 from tests.end_to_end.forked import ROOT
-from tests.end_to_end.page_visit import PHONE, chromium, visiting
+from tests.end_to_end.page_visit import PHONE, HeldRequests, chromium, visiting
 from tests.end_to_end.processes import running
 
 pytestmark = NEEDS_CHROMIUM
@@ -201,30 +201,22 @@ def test_all_is_in_the_window_and_uses_its_width(browser: Browser, scripted: str
 
 
 def test_a_change_is_shown_at_once_and_counts_when_it_is_done(browser: Browser, scripted: str) -> None:
-    held: list[Route] = []
-
-    def hold(route: Route) -> None:
-        if "illumination" in (route.request.post_data or ""):
-            held.append(route)
-        else:
-            route.continue_()
-
     with visiting(browser, scripted) as visit:
         page = visit.page
         choose(page)
         is_ready(page)
-        page.route("**/render", hold)
+        held = HeldRequests(page, "**/render", "illumination")
         look = page.get_by_label("Look")
         look.select_option("bw")
         expect(page.get_by_text("0 of 1 page is ready.")).to_be_visible()
         expect(page.get_by_text("Changing ...")).to_be_visible()
         expect(look).to_have_value("bw")
-        held.pop().continue_()
+        held.take().continue_()
         is_ready(page)
         expect(look).to_have_value("bw")
         look.select_option("gray")
         expect(page.get_by_text("0 of 1 page is ready.")).to_be_visible()
-        held.pop().fulfill(status=504, json={"code": "timed-out", "detail": "It took too long."})
+        held.take().fulfill(status=504, json={"code": "timed-out", "detail": "It took too long."})
         expect(page.get_by_text("This took too long. Try again.")).to_be_visible()
         expect(look).to_have_value("bw")
         is_ready(page)

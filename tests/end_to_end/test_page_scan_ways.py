@@ -17,7 +17,7 @@ from tests.app.scripts import upload
 from tests.end_to_end.accessibility import violations
 from tests.end_to_end.browser import NEEDS_CHROMIUM
 from tests.end_to_end.forked import ROOT
-from tests.end_to_end.page_visit import chromium, visiting
+from tests.end_to_end.page_visit import HeldRequests, chromium, visiting
 from tests.end_to_end.processes import running
 
 pytestmark = NEEDS_CHROMIUM
@@ -205,30 +205,22 @@ def test_the_whole_way_over_tls_with_a_certificate_of_its_own(browser: Browser, 
 
 
 def test_a_turn_is_shown_before_its_answer(browser: Browser, scripted: str) -> None:
-    held: list[Route] = []
-
-    def hold(route: Route) -> None:
-        if "rotate" in (route.request.post_data or ""):
-            held.append(route)
-        else:
-            route.continue_()
-
     with visiting(browser, scripted) as visit:
         page = visit.page
         choose(page, "a.jpg")
         is_ready(page, 1)
         page.get_by_label("Look").select_option("bw")
         expect(page.get_by_alt_text("Flat page")).to_be_visible()
-        page.route("**/render", hold)
+        held = HeldRequests(page, "**/render", "rotate")
         sheet, rotate = page.locator(".sheet"), page.get_by_role("button", name="Rotate")
         rotate.click()
         expect(sheet).to_have_attribute("style", re.compile(r"rotate\(90deg\) scale\(0\.75\)"))
         rotate.click()
         expect(sheet).to_have_attribute("style", re.compile(r"rotate\(180deg\)"))
         assert violations(page) == []
-        held.pop().continue_()
+        held.take().continue_()
         expect(sheet).to_have_attribute("style", re.compile(r"rotate\(90deg\)"))
-        held.pop().fulfill(status=504, json={"code": "timed-out", "detail": "It took too long."})
+        held.take().fulfill(status=504, json={"code": "timed-out", "detail": "It took too long."})
         expect(sheet).not_to_have_attribute("style", re.compile("rotate"))
         expect(page.get_by_text("This took too long. Try again.")).to_be_visible()
 
