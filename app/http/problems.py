@@ -48,6 +48,7 @@ STATUS_OF_CODE: Mapping[str, int] = {
     "invalid-model": 422,
     "no-samples": 422,
     "not-storable": 422,
+    "checksum-mismatch": 460,
     "client-closed-request": 499,
     "internal": 500,
     "worker-died": 500,
@@ -67,7 +68,8 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "method-not-allowed": "The resource does not support this method; `Allow` lists the supported ones.",
     "not-acceptable": "No representation fits `Accept`.",
     "request-timeout": "The request body did not arrive within BODY_TIMEOUT_S, or slower than MIN_BODY_BYTES_PER_S.",
-    "conflict": "The model changed since it was read, or an Idempotency-Key came with a different request.",
+    "conflict": "The model changed since it was read, an Idempotency-Key came with a different request, or a piece "
+    "does not begin where its upload ends.",
     "not-finished": "The job has no result yet.",
     "cancelled": "The job was cancelled; it has no result and will have none.",
     "store-full": "The limit MAX_MODELS or MAX_SAMPLES_PER_MODEL is reached.",
@@ -81,6 +83,7 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "invalid-model": "Not a layout model, or a model in a newer format than this service reads.",
     "no-samples": "The model has no samples to be initialized from.",
     "not-storable": "A name or key has characters that cannot be stored.",
+    "checksum-mismatch": "A piece of an upload is not what its checksum says; it was not kept. Send it again.",
     "client-closed-request": "The client closed the connection before the response.",
     "internal": "A defect of the service.",
     "worker-died": "The worker process ended before the work was done; try again.",
@@ -246,7 +249,7 @@ def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[s
     return responses
 
 
-_TITLES = {499: "Client Closed Request"}
+_TITLES = {460: "Checksum Mismatch", 499: "Client Closed Request"}
 _PHRASES = frozenset(status.phrase for status in HTTPStatus)
 
 

@@ -18,6 +18,7 @@ from app.openapi.example_documents import (
     SAMPLE,
     SETTINGS,
     UNKNOWN,
+    UPLOAD,
     VERSIONS,
     WHEN,
 )
@@ -124,6 +125,8 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             }
         ]
     },
+    ("201", "begin_upload"): {**UPLOAD, "offset": 0},
+    ("200", "show_upload"): UPLOAD,
     ("200", "audit"): {
         "entries": [
             {
