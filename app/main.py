@@ -75,8 +75,8 @@ from app.storage.expiry import deleting_expired
 from app.storage.kept_images import KeptImages
 from app.storage.layout_store import LayoutStore, ResultLimits
 from app.storage.uploads import KeptUploads
+from models.records import UploadBounds
 from models.repository import Store
-from models.upload_repository import UploadBounds
 from services.contract.operations import Operations
 from services.heap import keep_few_heaps
 from services.layout.content.content_settings import InvalidContentSettings, read_settings

@@ -157,6 +157,15 @@ class StoredUpload:
     expires_at: datetime
 
 
+@dataclass(frozen=True, slots=True)
+class UploadBounds:
+    """Most uploads that are kept, of all and of one owner, and most bytes that all of them may come to."""
+
+    most: int
+    most_of_owner: int
+    most_bytes: int
+
+
 ResultState = Literal["open", "confirmed", "corrected"]
 """Open: without feedback; confirmed: feedback found nothing wrong; corrected: it found something wrong."""
 

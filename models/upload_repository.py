@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Collection
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import cast
 
@@ -11,19 +10,10 @@ from sqlalchemy.orm import Session
 
 from models.errors import UploadMoved, UploadNotFound, UploadsFull
 from models.queries import present_ids
-from models.records import StoredUpload, UploadPiece
+from models.records import StoredUpload, UploadBounds, UploadPiece
 from models.tables import UploadRow
 from models.transactions import Transactions
 from models.ulid import is_ulid
-
-
-@dataclass(frozen=True, slots=True)
-class UploadBounds:
-    """Most uploads that are kept, of all and of one owner, and most bytes that all of them may come to."""
-
-    most: int
-    most_of_owner: int
-    most_bytes: int
 
 
 class UploadRepository(Transactions):

@@ -228,14 +228,21 @@ def described_problem(code: str, detail: str, field: str | None, request_id: str
     return _problem_of(Refusal(code, detail, field), request_id)
 
 
-def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[str, object]]:
-    """OpenAPI problem responses for these codes; `conditional`: the route accepts If-Match, so 412 is added."""
+def documented(
+    *codes: str, conditional: bool = False, of_tus: bool = False
+) -> dict[int | str, dict[str, object]]:
+    """OpenAPI problem responses for these codes.
+
+    Routes that accept If-Match (`conditional`) or want the version of tus (`of_tus`) have 412 in addition.
+    """
     meanings = {
         status: [f"`{code}`: {MEANING_OF_CODE[code]}" for code in codes if STATUS_OF_CODE[code] == status]
         for status in sorted({STATUS_OF_CODE[code] for code in codes})
     }
     if conditional:
         meanings[412] = ["`conflict`: The model does not meet If-Match or If-None-Match."]
+    if of_tus:
+        meanings[412] = ["`conflict`: `Tus-Resumable` is missing, or names another version."]
     responses: dict[int | str, dict[str, object]] = {}
     for status, meaning in meanings.items():
         responses[status] = {

@@ -49,6 +49,8 @@ _PIECE = {
         "content": {PIECE_TYPE: {"schema": {"type": "string", "format": "binary"}}},
     },
 }
+
+
 _MOST_BYTES = 2**53
 """Largest integer of JSON in a browser; the limit is far below it."""
 
@@ -63,7 +65,7 @@ _MOST_BYTES = 2**53
             "description": "The upload; `Location` is its path.",
             "headers": {"Location": {"description": "The upload's path.", **_STRING}, **_OF_UPLOAD},
         },
-        **documented("too-large", "busy", "invalid-option", *STORE, conditional=True),
+        **documented("too-large", "busy", "invalid-option", *STORE, of_tus=True),
     },
     openapi_extra=_VERSIONED,
 )
@@ -91,7 +93,7 @@ async def begin_upload(
     "/{id}",
     operation_id="show_upload",
     response_model=UploadState,
-    responses={200: {"headers": _OF_UPLOAD}, **documented("not-found", *STORE, conditional=True)},
+    responses={200: {"headers": _OF_UPLOAD}, **documented("not-found", *STORE)},
 )
 async def show_upload(request: Request, state: State, id: str) -> Response:
     """How far the upload has come; HEAD has it in `Upload-Offset`."""
@@ -113,7 +115,7 @@ async def show_upload(request: Request, state: State, id: str) -> Response:
             "busy",
             *BODY,
             *STORE,
-            conditional=True,
+            of_tus=True,
         ),
     },
     openapi_extra=_PIECE,
@@ -152,7 +154,7 @@ async def send_piece(
     "/{id}",
     operation_id="delete_upload",
     status_code=204,
-    responses=documented("not-found", *STORE, conditional=True),
+    responses=documented("not-found", *STORE, of_tus=True),
     openapi_extra=_VERSIONED,
 )
 async def delete_upload(request: Request, state: State, id: str) -> Response:

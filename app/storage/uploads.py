@@ -16,8 +16,7 @@ from app.storage.blobs import BlobAccess
 from app.storage.layout_store import LayoutStore
 from models.blobs import PART_BYTES, BlobNotFound
 from models.errors import UploadMoved, UploadNotFound, UploadsFull
-from models.records import StoredUpload, UploadPiece
-from models.upload_repository import UploadBounds
+from models.records import StoredUpload, UploadBounds, UploadPiece
 from services.errors import TooLarge
 
 PIECE_BYTES = PART_BYTES

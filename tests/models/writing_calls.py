@@ -12,10 +12,9 @@ from models.documents import decode_document
 from models.errors import StoreError, StoreUnavailable
 from models.feedback_records import FeedbackDraft, ModelChange, ModelUndo
 from models.job_records import Delivery, JobBounds, JobDraft, JobEnd, Progress
-from models.records import ReviewDraft, UploadPiece
+from models.records import ReviewDraft, UploadBounds, UploadPiece
 from models.repository import Store, utc_now
 from models.tables import Table
-from models.upload_repository import UploadBounds
 from tests.models.feedback_drafts import draft
 from tests.models.job_requests import RECTIFY
 
