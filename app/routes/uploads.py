@@ -37,7 +37,7 @@ _VERSIONED = {
             "in": "header",
             "required": True,
             "description": "Version of the protocol.",
-            "schema": {"type": "string", "enum": [VERSION], "default": VERSION},
+            "schema": {"type": "string", "default": VERSION},
         }
     ]
 }
