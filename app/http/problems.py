@@ -128,7 +128,8 @@ def refusal_of(error: BaseException) -> Refusal:
         return _refusal_of_http(error)
     if isinstance(error, ClientDisconnect):
         return _gone()
-    return _internal()
+    is_disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
+    return _no_space() if is_disk_full else _internal()
 
 
 class ProblemBoundary:
@@ -266,6 +267,12 @@ def _internal() -> Refusal:
     )
 
 
+def _no_space() -> Refusal:
+    return Refusal(
+        "store-unavailable", "The service has no disk space left for this upload. Send it again later."
+    )
+
+
 def _gone() -> Refusal:
     return Refusal("client-closed-request", MEANING_OF_CODE["client-closed-request"])
 
@@ -283,16 +290,9 @@ def _headers_of(error: DocumentError) -> tuple[tuple[str, str], ...]:
 
 def _refusal_of_http(error: HTTPException) -> Refusal:
     """Problem of an error of the framework; also of errors while it reads the body."""
-    if isinstance(error.__cause__, DocumentError | StoreError):
+    # With a disk that fails, the body could not be spooled; the request is valid.
+    if isinstance(error.__cause__, DocumentError | StoreError | ClientDisconnect | OSError):
         return refusal_of(error.__cause__)
-    if isinstance(error.__cause__, ClientDisconnect):
-        return _gone()
-    if isinstance(error.__cause__, OSError) and error.__cause__.errno in _DISK_FULL:
-        return Refusal(
-            "store-unavailable", "The service has no disk space left for this upload. Send it again later."
-        )
-    if isinstance(error.__cause__, OSError):  # the body could not be spooled; the request is valid
-        return _internal()
     if error.status_code not in _CODE_OF_STATUS:
         return _internal()
     code = _CODE_OF_STATUS[error.status_code]

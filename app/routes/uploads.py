@@ -49,8 +49,6 @@ _PIECE = {
         "content": {PIECE_TYPE: {"schema": {"type": "string", "format": "binary"}}},
     },
 }
-
-
 _MOST_BYTES = 2**53
 """Largest integer of JSON in a browser; the limit is far below it."""
 

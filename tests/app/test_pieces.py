@@ -1,6 +1,7 @@
 """Uploads in pieces: nothing that has come is lost or mixed up, and each has its owner, its bounds and its end."""
 
 import base64
+import errno
 import hashlib
 import sqlite3
 import time
@@ -402,3 +403,18 @@ def test_a_checksum_is_of_a_known_algorithm_and_of_all_that_came() -> None:
         checksum.check()
     checksum.add(b"b")
     checksum.check()
+
+
+def test_a_full_disk_is_told_and_what_was_kept_stays(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = begun(client, 20)
+    assert send(client, path, 0, b"x" * 5).status_code == 204
+
+    async def full(file: object, data: bytes) -> None:
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("starlette.datastructures.UploadFile.write", full)
+        assert_problem(send(client, path, 5, b"x"), 503, "store-unavailable")
+    assert send(client, path, 5, b"x").headers["upload-offset"] == "6"
