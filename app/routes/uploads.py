@@ -8,8 +8,9 @@ from starlette.datastructures import UploadFile
 from app.access.callers import caller_of
 from app.http.form_parts import spooled_file
 from app.http.json_answers import JSON
+from app.http.octets import OCTETS
 from app.http.problems import documented
-from app.http.tus import PIECE_TYPE, VERSION, Checksum, TusRoute, name_in, upload_headers
+from app.http.tus import PIECE_TYPE, PIECE_TYPES, VERSION, Checksum, TusRoute, name_in, upload_headers
 from app.http.upload_places import BodyTooSlow, UploadPlace
 from app.http.uploads import ClientGone
 from app.routes.common_responses import BODY, STORE
@@ -45,8 +46,8 @@ _PIECE = {
     **_VERSIONED,
     "requestBody": {
         "required": True,
-        "description": "The next bytes of the file.",
-        "content": {PIECE_TYPE: {"schema": {"type": "string", "format": "binary"}}},
+        "description": f"The next bytes of the file; clients of tus send them as {PIECE_TYPE}.",
+        "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}},
     },
 }
 _MOST_BYTES = 2**53
@@ -132,7 +133,7 @@ async def send_piece(
     With a checksum the piece is kept as a whole or not at all.
     """
     upload = await own_upload(request, state, id)
-    if request.headers.get("content-type", "").strip().lower() != PIECE_TYPE:
+    if request.headers.get("content-type", "").strip().lower() not in PIECE_TYPES:
         raise UnsupportedMediaType(f"Send a piece with Content-Type: {PIECE_TYPE}.", "Content-Type")
     if upload_offset != upload.received:
         raise UploadMoved(

@@ -223,6 +223,8 @@ def test_gaps_and_overlaps_are_refused(client: httpx.Client, offset: int, size: 
     assert answer.headers["tus-resumable"] == "1.0.0"
     assert offset_of(client, path) == 10
     assert send(client, path, 10, b"").headers["upload-offset"] == "10"
+    octets = {"Content-Type": "application/octet-stream"}  # as generated clients send it
+    assert send(client, path, 10, b"x", **octets).headers["upload-offset"] == "11"
 
 
 def test_more_than_the_length_is_refused_and_a_piece_of_it_is_not_kept(client: httpx.Client) -> None:
