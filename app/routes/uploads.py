@@ -1,6 +1,6 @@
 """/uploads: files that arrive in pieces, by the protocol tus 1.0.0, and then stand in forms by their ids."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 from starlette.datastructures import UploadFile
@@ -225,6 +225,6 @@ def _size(piece: UploadFile) -> int:
     return piece.size or 0
 
 
-def _described(upload: StoredUpload, status: int = 200, more: dict[str, Any] | None = None) -> Response:
+def _described(upload: StoredUpload, status: int = 200, more: dict[str, str] | None = None) -> Response:
     headers = {**upload_headers(upload), **(more or {})}
     return Response(UploadState.of(upload).model_dump_json(), status, headers, JSON)

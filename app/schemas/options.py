@@ -1,9 +1,10 @@
 """Options that several requests have in common, and conversions of form and JSON values."""
 
 import re
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field, StringConstraints
+from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
 
 from services.contract import rectify
@@ -83,7 +84,7 @@ def turn_of(entry: str) -> rectify.Rotation | None:
     return turns.get(entry)
 
 
-def files_may_be_uploads(schema: dict[str, Any]) -> None:
+def files_may_be_uploads(schema: JsonDict) -> None:
     """Document that no part of a form is needed: uploads may stand for its files."""
     schema.pop("required", None)
 
