@@ -146,12 +146,12 @@ class Checksum:
 
 
 def _check_version(request: Request) -> None:
-    """Check the version of the protocol; who only asks needs not name one.
+    """Check the version of the protocol; who sends nothing needs not name one.
 
     Raises
     ------
     WrongVersion
     """
-    version = request.headers.get("tus-resumable", VERSION if request.method == "GET" else "")
+    version = request.headers.get("tus-resumable", VERSION if request.method in ("GET", "DELETE") else "")
     if version != VERSION:
         raise WrongVersion(f"Send the header Tus-Resumable: {VERSION}.", "Tus-Resumable")

@@ -38,7 +38,7 @@ _VERSIONED = {
             "in": "header",
             "required": True,
             "description": "Version of the protocol.",
-            "schema": {"type": "string", "default": VERSION},
+            "schema": {"type": "string", "pattern": rf"^{re.escape(VERSION)}$", "default": VERSION},
         }
     ]
 }
@@ -153,8 +153,7 @@ async def send_piece(
     "/{id}",
     operation_id="delete_upload",
     status_code=204,
-    responses=documented("not-found", *STORE, of_tus=True),
-    openapi_extra=_VERSIONED,
+    responses=documented("not-found", *STORE),
 )
 async def delete_upload(request: Request, state: State, id: str) -> Response:
     """Delete an upload with what has come of it."""

@@ -85,8 +85,9 @@ def turn_of(entry: str) -> rectify.Rotation | None:
 
 
 def files_may_be_uploads(schema: JsonDict) -> None:
-    """Document that no part of a form is needed: uploads may stand for its files."""
+    """Document that a form needs some part, but no file: uploads may stand for them."""
     schema.pop("required", None)
+    schema["minProperties"] = 1
 
 
 Upright = Annotated[

@@ -291,6 +291,7 @@ def test_what_cannot_be_used_is_refused(client: httpx.Client) -> None:
     assert (
         assert_problem(client.post("/rectify", data={"upload": ""}), 400, "bad-request")["field"] == "image"
     )
+    assert client.delete(path, headers={"Tus-Resumable": "2"}).status_code == 412
     for version in ({}, {"Tus-Resumable": "0.2.2"}):
         headers = {**version, "Upload-Length": "1"}
         refused = client.post("/uploads", headers=headers)
