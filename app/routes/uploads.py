@@ -1,5 +1,6 @@
 """/uploads: files that arrive in pieces, by the protocol tus 1.0.0, and then stand in forms by their ids."""
 
+import re
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
