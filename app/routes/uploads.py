@@ -108,7 +108,7 @@ async def show_upload(request: Request, state: State, id: str) -> Response:
         204: {"description": "All that was sent is kept.", "headers": _OF_UPLOAD},
         **documented(
             "not-found",
-            "conflict",
+            "wrong-offset",
             "unsupported-media-type",
             "invalid-option",
             "checksum-mismatch",

@@ -219,7 +219,7 @@ def test_gaps_and_overlaps_are_refused(client: httpx.Client, offset: int, size: 
     path = begun(client, 20)
     assert send(client, path, 0, b"0123456789").status_code == 204
     answer = send(client, path, offset, b"x" * size)
-    assert assert_problem(answer, 409, "conflict")
+    assert assert_problem(answer, 409, "wrong-offset")
     assert answer.headers["tus-resumable"] == "1.0.0"
     assert offset_of(client, path) == 10
     assert send(client, path, 10, b"").headers["upload-offset"] == "10"
