@@ -1,4 +1,4 @@
-"""Nine photos of 12 megapixels on the scan screen to one searchable PDF, beside nine answers without it; a moved corner.
+"""Nine photos of 12 megapixels on the scan screen to one searchable PDF, beside nine single answers; a moved corner.
 
 python -m benchmarks scan_screen [--pages N] [--repeats N] [--parts pdf,corners]
 
@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -186,19 +187,18 @@ def main(arguments: Sequence[str]) -> int:
                 print(f"{len(photos)} photos, load {psutil.getloadavg()[0]:.1f} before")
                 print(f"{'':<10}{'seconds':>8}{'CPU s':>8}{'workers':>10}{'server':>8}{'browser':>9}")
                 if "pdf" in parts:
-                    single = meter.spent(lambda: one_by_one(client, photos, _SINGLE))
+                    single = meter.spent(partial(one_by_one, client, photos, _SINGLE))
                     _row("single", single)
                 with visiting(browser, process.url) as visit:
-                    screen = meter.spent(lambda visit=visit: to_one_pdf(visit, photos))  # type: ignore[misc]
+                    screen = meter.spent(partial(to_one_pdf, visit, photos))
                     if "pdf" in parts:
                         _row("screen", screen)
                         share, cpu = screen.seconds / single.seconds, screen.cpu_s / single.cpu_s
                         print(f"  {share:.2f} of the seconds (wanted: {_WANTED_PDF}), {cpu:.2f} of the CPU s")
                         within &= share <= _WANTED_PDF
                     if "corners" in parts:
-                        count = len(different)
-                        moved = meter.spent(lambda visit=visit: moved_corners(visit, count))  # type: ignore[misc]
-                        again = meter.spent(lambda: one_by_one(client, different, _SHOWN))
+                        moved = meter.spent(partial(moved_corners, visit, len(different)))
+                        again = meter.spent(partial(one_by_one, client, different, _SHOWN))
                         _row("corner", moved)
                         _row("flattened", again)
                         share = moved.seconds / again.seconds
