@@ -1,11 +1,13 @@
 // A page in the strip: its picture, its state, and what a person may say about it.
 
 import { button, checkbox, make, select } from "../elements.js";
-import { showImage } from "../pictures.js";
+import { showImage, thumbnailOf } from "../pictures.js";
 import { drawPlaces, emptyDrawing } from "./overlay.js";
 import { filesKeyOf } from "./pages.js";
 import { filesOf } from "./storage.js";
 import { LOOKS, problemText, stateText, warningsOf } from "./words.js";
+
+const PHOTO_PX = 512; // height of the photo's small picture: twice as many as it is shown with
 
 /** A small button with a sign; its name is `text`. */
 function sign(mark, text, action) {
@@ -127,9 +129,10 @@ export class PageItem {
     this.photoNames = String(page.names);
     const files = page.picture ? [] : await filesOf(filesKeyOf(page));
     const shown = files.map(async (file, index) => {
-      const picture = make("img", { alt: files.length > 1 ? `Photo ${index + 1}` : "Photo" });
-      await showImage(picture, file);
-      return make("li", {}, picture.naturalWidth ? picture : make("span", { class: "blank" }, `Photo ${index + 1}`));
+      const picture = await thumbnailOf(file, PHOTO_PX, () => !page.picture);
+      picture?.setAttribute("role", "img");
+      picture?.setAttribute("aria-label", files.length > 1 ? `Photo ${index + 1}` : "Photo");
+      return make("li", {}, picture ?? make("span", { class: "blank" }, `Photo ${index + 1}`));
     });
     this.photos.replaceChildren(...(await Promise.all(shown)));
   }
