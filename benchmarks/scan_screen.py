@@ -41,8 +41,8 @@ _SINGLE = {"format": "pdf", "text": "true", "illumination": "normalize", "on_no_
 _SHOWN = {
     "format": "json",
     "embed_format": "jpeg",
-    "max_width": "1200",
-    "max_height": "1700",
+    "max_width": "600",
+    "max_height": "852",
     "illumination": "normalize",
     "keep_photo": "true",
 }

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from services.arrays import Points, RgbImage
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import Encoding, ImageLimits, PageReply
-from services.contract.kept_pages import KeptPage, KeptPageJson, PageReading, PageWish, RenderedPage, WishJson
+from services.contract.kept_pages import (
+    FlatJson,
+    KeptPage,
+    KeptPageJson,
+    PageReading,
+    PageWish,
+    RenderedPage,
+    WishJson,
+)
 from services.contract.rectify import Crop, Illumination, RectifyParameters
 from services.geometry.homographies import to_resized, transform_points
 from services.geometry.page_frame import Frame, mesh_of, turn_against_photo, turn_frame, turning
@@ -65,8 +73,9 @@ def render_kept_page(
         wish, bundle, packed = PageWish(), open_bundle(kept.bundle), kept.bundle
     else:
         packed = b""
-    page, source = draw_kept(kept, bundle, wish, encoding, timings_ms, reading)
-    changed = RenderedPage(_wished(kept.document, wish), packed)
+    view = wished_view(kept.document, bundle, wish)
+    page, source = draw_kept(kept, bundle, view, encoding, timings_ms, reading)
+    changed = RenderedPage(_wished(kept.document, wish, view), packed)
     return make_page_reply(page, source, encoding, timings_ms), changed
 
 
@@ -82,11 +91,12 @@ def bind_kept_pages(
     target = choose_target(encoding, SourceFacts(pages[0].document["format"], None, None), len(pages))
     for kept in pages:
         bundle = open_bundle(kept.bundle)
-        as_kept = encoded_as_kept(kept, bundle, target, encoding, reading)
-        if as_kept is None:
-            page, source = draw_kept(kept, bundle, PageWish(), encoding, timings_ms, reading)
-            as_kept = encode_page(page, target, source, encoding)
-        encoded.append(as_kept)
+        view = wished_view(kept.document, bundle, PageWish())
+        page = encoded_as_kept(kept, bundle, view, target, encoding, reading)
+        if page is None:
+            drawn, source = draw_kept(kept, bundle, view, encoding, timings_ms, reading)
+            page = encode_page(drawn, target, source, encoding)
+        encoded.append(page)
     return bind_pages(encoded, target, encoding, timings_ms)
 
 
@@ -193,10 +203,14 @@ def wished_view(document: KeptPageJson, bundle: PageBundle, wish: PageWish) -> W
 
 
 def encoded_as_kept(
-    kept: KeptPage, bundle: PageBundle, target: PagesTarget, encoding: Encoding, reading: PageReading | None
+    kept: KeptPage,
+    bundle: PageBundle,
+    view: WishedView,
+    target: PagesTarget,
+    encoding: Encoding,
+    reading: PageReading | None,
 ) -> EncodedPage | None:
     """The page in a file that takes its kept picture as it is; None where the picture, or its text, must be made."""
-    view = wished_view(kept.document, bundle, PageWish())
     is_jpeg = target.format == "pdf" or (target.format == "zip" and target.image_format == "jpeg")
     if not is_jpeg or not view.is_picture or encoding.quality not in (None, DEFAULT_QUALITY):
         return None
@@ -216,17 +230,16 @@ def encoded_as_kept(
 def draw_kept(
     kept: KeptPage,
     bundle: PageBundle,
-    wish: PageWish,
+    view: WishedView,
     encoding: Encoding,
     timings_ms: dict[str, float],
     reading: PageReading | None = None,
 ) -> tuple[DescribedPage, SourceFacts]:
-    """The page as the person wishes it, its description, and the facts of its photo.
+    """The `view` of the page, its description, and the facts of its photo.
 
     With `reading` it has its text, which is put into the document of `kept`.
     """
     document = kept.document
-    view = wished_view(document, bundle, wish)
     frame, lit = view.frame, view.is_lit
     if view.is_of_picture:
         with timed("decode", timings_ms):
@@ -258,10 +271,18 @@ def draw_kept(
     return DescribedPage(scanner_look(flat, view.look), described, text, dpi), facts
 
 
-def _wished(document: KeptPageJson, wish: PageWish) -> KeptPageJson:
-    """The kept `document` with what the person wishes from now on; how its picture was made stays."""
+def _wished(document: KeptPageJson, wish: PageWish, view: WishedView) -> KeptPageJson:
+    """The kept `document` with what the person wishes from now on, and sees: a `view` of full size.
+
+    How its picture was made stays.
+    """
     wished = {name: value for name, value in asdict(wish).items() if value is not None and name != "corners"}
-    return {**document, "wish": cast(WishJson, {**document["wish"], **wished})}
+    if not wished:
+        return document
+    answer = _described(document, (view.frame.height, view.frame.width), view)
+    shown = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type", "text"})
+    wish_json = cast(WishJson, {**document["wish"], **wished})
+    return {**document, "wish": wish_json, "shown": cast(FlatJson, shown)}
 
 
 def _described(document: KeptPageJson, shape: tuple[int, ...], view: WishedView) -> RectifyResult:

@@ -57,7 +57,7 @@ def keep_page(
 ) -> KeptPage | None:
     """What is kept of a flat page of `photo`, and of its `text`; None where its views are not known.
 
-    `page` describes `result`, perhaps with a smaller picture. The document has the `answer`, the `options` that made
+    `page` describes `result` at full size. The document has the `answer`, the `options` that made
     the picture, and what the person has said since then (`wish`), nothing so far.
     """
     if result.plan is None:
@@ -65,8 +65,7 @@ def keep_page(
     original = photo.original
     if original is None:  # a page of a file of several
         original = encode_image(photo.pixels, "png", dpi=photo.dpi, icc_profile=photo.icc_profile)
-    dpi = page.dpi and page.dpi * result.image.shape[1] / page.image.shape[1]
-    picture = encode_image(result.image, "jpeg", DEFAULT_QUALITY, dpi, photo.icc_profile)
+    picture = encode_image(result.image, "jpeg", DEFAULT_QUALITY, page.dpi, photo.icc_profile)
     answer = page.answer.model_dump(mode="json", exclude={"timings_ms", "text", "page_id"})
     document = {
         "answer": answer,
@@ -75,7 +74,7 @@ def keep_page(
         "rotation_found": result.orientation.rotation_deg if parameters.page_turn is None else 0,
         "stretch": photo.stretch,
         "is_document": photo.is_document,
-        "dpi": dpi,
+        "dpi": page.dpi,
         "format": photo.format,
     }
     ready = cast(KeptPageJson, to_json_ready(document))

@@ -4,8 +4,10 @@ import { imageOf } from "../pictures.js";
 import { post, request } from "../service.js";
 import { borderOf } from "./overlay.js";
 
+const SHOWN_PX = Math.min(1200, Math.round(600 * devicePixelRatio)); // a page of the strip is 300 to 540 px wide
+
 /** Options of an answer whose picture the strip shows. */
-export const SHOWN = { format: "json", embed_format: "jpeg", max_width: 1200, max_height: 1700 };
+export const SHOWN = { format: "json", embed_format: "jpeg", max_width: SHOWN_PX, max_height: Math.round(1.42 * SHOWN_PX) };
 
 const rounded = (points) => points.map(([x, y]) => [Math.round(x * 10) / 10, Math.round(y * 10) / 10]);
 
