@@ -180,7 +180,7 @@ def kept_photo(parameters: RectifyParameters) -> KeptPhoto:
     pixels[:30, :, 0] = pixels[30:, :, 2] = 200
     photo = PagePicture(pixels, None, "png", original=encode_image(pixels, "png"))
     result = keep_photo(pixels, errors.NoText("nothing is seen."))
-    kept = describe_page(result, parameters, Encoding("json"), photo).kept
+    kept = describe_page(result, parameters, Encoding("json", max_width=40), photo).kept
     assert kept is not None
     return kept
 

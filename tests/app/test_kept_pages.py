@@ -95,6 +95,15 @@ def test_it_is_answered_again_and_what_was_said_counts_from_then_on(client: http
     assert picture_of(render(client, path, max_width=48)).size == (48, 38)
 
 
+def test_a_page_is_described_at_full_size_however_it_was_shown(client: httpx.Client) -> None:
+    path = keep(client, max_width="40")
+    assert client.get(path, headers=ALICE).json()["width"] == 80
+    assert render(client, path, rotate=90, max_width=30, format="json").json()["width"] == 30
+    described = client.get(path, headers=ALICE).json()
+    assert (described["width"], described["height"]) == (60, 80)
+    assert described["mesh"]["source"][0][0] == [0, 59]
+
+
 def test_other_corners_are_analysed_and_kept(client: httpx.Client, folder: Path) -> None:
     path = keep(client)
     corners = [[10, 5], [70, 8], [68, 50], [12, 55]]
@@ -160,6 +169,7 @@ def test_pages_are_bound_in_their_order_each_as_it_was_last_answered(client: htt
 def test_reading_a_page_changes_nothing_that_was_said(client: httpx.Client) -> None:
     path = keep(client)
     turned = render(client, path, rotate=90, format="json").json()
+    assert client.get(path, headers=ALICE).json() == {**turned, "timings_ms": {}}
     small = render(client, path, format="json", max_width=20).json()
     assert (small["width"], small["orientation"]["rotation_deg"]) == (20, 90)
     assert client.get(path, headers=ALICE).json()["width"] == turned["width"] == 60
