@@ -106,7 +106,8 @@ def test_a_file_takes_the_picture_as_it_is_kept(readings: list[Any], monkeypatch
     monkeypatch.setattr(kept_pages, "draw_kept", lambda *given: drawn.append(given) or draw(*given))
     file = bind_kept_pages([kept, kept], Encoding("pdf", pages_format="pdf"), ENGLISH)
     with pikepdf.open(io.BytesIO(file.body)) as document:
-        assert [next(iter(page.Resources.XObject.values())).read_raw_bytes() for page in document.pages] == [picture] * 2
+        pictures = [next(iter(page.Resources.XObject.values())) for page in document.pages]
+        assert [each.read_raw_bytes() for each in pictures] == [picture] * 2
         assert all("/Font" in page.get("/Resources", {}) for page in document.pages)
     assert not drawn
     assert file.answer.pages[0].width == 80  # type: ignore[union-attr]
