@@ -21,7 +21,15 @@ ROOT = Path(__file__).parent.parent
 PYTHON = ROOT / "clients" / "python" / "document_rectification_client" / "models.py"
 TYPESCRIPT = ROOT / "clients" / "typescript" / "src" / "models.ts"
 OPENAPI_TYPESCRIPT = ROOT / "tests" / "end_to_end" / "node_modules" / ".bin" / "openapi-typescript"
-ANSWERS = ("PlainPagesResult", "PlainMosaicResult", "LayoutResult", "DocumentResult", "JobStatus", "Problem")
+ANSWERS = (
+    "PlainPagesResult",
+    "PlainMosaicResult",
+    "LayoutResult",
+    "DocumentResult",
+    "JobStatus",
+    "UploadState",
+    "Problem",
+)
 """What the clients answer; whatever these have in them comes along."""
 OPTIONS = {
     "RectifyOptions": "RectifyForm",
@@ -61,14 +69,15 @@ def option_schemas() -> dict[str, Schema]:
     made = {}
     for name, form in OPTIONS.items():
         parts = {
-            key: _option(each) for key, each in schemas[form]["properties"].items() if not _is_file(each)
+            key: _option(each) for key, each in schemas[form]["properties"].items() if not _is_file(key, each)
         }
         made[name] = {"type": "object", "description": f"Options of {form}.", "properties": parts}
     return made
 
 
-def _is_file(schema: Schema) -> bool:
-    return "binary" in (schema.get("format"), schema.get("items", {}).get("format"))
+def _is_file(name: str, schema: Schema) -> bool:
+    """Whether a part of a form is a file, or stands for one."""
+    return name == "upload" or "binary" in (schema.get("format"), schema.get("items", {}).get("format"))
 
 
 def _option(schema: Schema) -> Schema:

@@ -1,7 +1,7 @@
 """Options that several requests have in common, and conversions of form and JSON values."""
 
 import re
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, StringConstraints
 from pydantic.json_schema import SkipJsonSchema
@@ -81,6 +81,11 @@ def turn_of(entry: str) -> rectify.Rotation | None:
     """The clockwise degrees of an entry of `rotate`; None for `auto`."""
     turns: dict[str, rectify.Rotation] = {"0": 0, "90": 90, "180": 180, "270": 270}
     return turns.get(entry)
+
+
+def files_may_be_uploads(schema: dict[str, Any]) -> None:
+    """Document that no part of a form is needed: uploads may stand for its files."""
+    schema.pop("required", None)
 
 
 Upright = Annotated[
@@ -172,6 +177,14 @@ MaxPixels = Annotated[
         "proportions. Sizes and meshes in the response are those of the smaller picture."
     ),
 ]
+Uploads = Annotated[
+    list[str],
+    Field(
+        description="Ids of complete uploads (/uploads), in place of files: a part of this name for each. Their files "
+        "take the places of these parts.",
+    ),
+]
+"""The route finds files in place of the ids: `UploadFormRoute`."""
 CallbackUrl = Annotated[
     Annotated[str, Field(max_length=2000)] | Absent,
     Field(
