@@ -5,7 +5,7 @@ import zipfile
 from dataclasses import dataclass
 from typing import cast
 
-from services.contract.kept_pages import KeptPage, KeptPageJson, OptionsJson
+from services.contract.kept_pages import PHOTO, KeptPage, KeptPageJson, OptionsJson
 from services.contract.rectify import RectifyParameters
 from services.imaging.codec import DEFAULT_QUALITY, encode_image
 from services.imaging.page_images import PagePicture
@@ -15,7 +15,7 @@ from services.operations.replies import to_json_ready
 from services.rectify.results import RectifyResult
 from services.text.page_text import PageText
 
-PHOTO, PLAN, PICTURE = "photo", "plan.npz", "picture.jpg"
+PLAN, PICTURE = "plan.npz", "picture.jpg"
 
 
 @dataclass(frozen=True, slots=True)

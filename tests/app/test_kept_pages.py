@@ -188,6 +188,53 @@ def test_a_page_is_its_owners_and_admins_see_all(client: httpx.Client) -> None:
     assert client.get(path, headers=ADMIN).status_code == 200
 
 
+PATHS = ("/rectify", "/rectify/pages", "/mosaic", "/mosaic/json")
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_kept_photos_stand_for_files(client: httpx.Client, path: str) -> None:
+    """In the places of their parts among the files, with their names."""
+    one, other = (keep(client).removeprefix("/pages/") for _ in range(2))
+    part = "image" if "rectify" in path else "images"
+    sent = [("kept_page", (None, one)), (part, ("sent.png", upload(""))), ("kept_page", (None, other))]
+    asked = {"format": "json"} if path in ("/rectify", "/mosaic") else {}
+    answer = client.post(path, files=sent, data=asked, headers=ALICE)
+    assert answer.status_code == 200, answer.text
+    assert len(answer.json()["pages" if "rectify" in path else "patches"]) == 3
+    if asked:
+        file = client.post(path, files=sent, data={"format": "pdf"}, headers=ALICE)
+        assert "my page-" in file.headers["content-disposition"]
+    assert client.get(f"/pages/{one}/photo", headers=ALICE).status_code == 200, "it is still kept"
+
+
+def test_a_job_has_the_photo_of_both_pages_itself(client: httpx.Client) -> None:
+    """Not the id of the page, which is deleted meanwhile."""
+    page = keep(client).removeprefix("/pages/")
+    asked = {"kept_page": page, "pages": "both", "format": "json"}
+    job = client.post("/rectify", data=asked, headers={**ALICE, "Prefer": "respond-async"}).json()
+    client.delete(f"/pages/{page}", headers=ALICE)
+    while not client.get(f"/jobs/{job['id']}", headers=ALICE).json()["ended"]:
+        time.sleep(POLL_S)
+    assert client.get(job["links"]["result"], headers=ALICE).json()["pages"]
+
+
+def test_photos_that_cannot_stand_for_files_are_refused(client: httpx.Client) -> None:
+    page = keep(client).removeprefix("/pages/")
+
+    def refused(
+        code: str, status: int, key: dict[str, str] = ALICE, path: str = "/rectify", **data: Any
+    ) -> None:
+        assert_problem(client.post(path, data=data, headers=key), status, code)
+
+    refused("not-found", 404, BOB, kept_page=page)
+    refused("not-found", 404, kept_page="nothing")
+    refused("invalid-option", 422, path="/mosaic", kept_page=page)  # one photo
+    refused("invalid-option", 422, path="/layout", kept_page=page)
+    assert client.post("/rectify", data={"kept_page": ["", page]}, headers=ADMIN).status_code == 200
+    file = client.post("/rectify", files={"kept_page": ("a.png", upload(""))}, headers=ALICE)
+    assert assert_problem(file, 422, "invalid-option")["field"] == "kept_page"
+
+
 def test_nothing_is_left_of_a_deleted_page(client: httpx.Client, folder: Path) -> None:
     before = files_in(folder)
     path = keep(client)

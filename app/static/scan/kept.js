@@ -135,8 +135,10 @@ export class Kept {
 
   /** Deletes a page, here and in the service. */
   async remove(page) {
-    const { id, job } = page;
+    const { id, job, ids } = page;
     await this.pages.remove(page);
+    const used = this.pages.list.flatMap((one) => [one.id, ...(one.ids ?? [])]);
+    await this.forget((ids ?? []).filter((one) => !used.includes(one)).map((one) => ({ page_id: one })));
     if (id) await this.forget([{ page_id: id }]);
     else if (job) await request("DELETE", `jobs/${job.id}`).catch(() => {});
   }
