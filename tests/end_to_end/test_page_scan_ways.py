@@ -319,14 +319,15 @@ def test_pages_of_the_strip_are_joined_without_sending_their_photos(browser: Bro
         joined.get_by_role("button", name="Try again").click()
         is_ready(page, 2)
         assert names_of(page) == ["One page of 2 photos", "letter.jpg"]
-        page.get_by_label("Add parts").set_input_files([photo("middle.jpg")])  # type: ignore[list-item]
+        first = page.get_by_role("listitem", name="Page 1")
+        first.get_by_label("Add parts").set_input_files([photo("middle.jpg")])  # type: ignore[list-item]
         expect(page.get_by_text("One page of 3 photos")).to_be_visible()
         is_ready(page, 2)
         assert mosaics == [["kept_page"] * 2] * 2 + [["kept_page"] * 2 + ["images"]]
         assert visit.count("POST /rectify") == 3
         assert not [one for one in visit.sent if one.startswith("DELETE /pages/")], "kept as long as the page"
         with page.expect_response(lambda one: one.request.method == "DELETE"):
-            page.get_by_role("button", name="Remove").first.click()
+            first.get_by_role("button", name="Remove").click()
         is_ready(page, 1)
         assert [one for one in visit.complaints if not re.search("status of (422|504)", one)] == []
 
