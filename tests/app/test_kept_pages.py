@@ -133,7 +133,7 @@ def test_corners_that_were_given_can_be_taken_back(client: httpx.Client) -> None
         ({"corners": [[10, 5], [70, 8], [68, 50]]}, "corners"),
         ({"corners": [[10, 5], [68, 50], [70, 8], [12, 55]]}, "corners"),
         ({"corners": "here"}, "corners"),
-        ({"corners": [["a", 1], [70, 8], [68, 50], [12, 55]]}, "corners.0.0"),
+        ({"corners": [["a", 1], [70, 8], [68, 50], [12, 55]]}, "corners[0][0]"),
         ({"rotate": 45}, "rotate"),
         ({"margin": 21}, "margin"),
         ({"illumination": "sepia"}, "illumination"),
