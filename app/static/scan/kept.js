@@ -36,7 +36,7 @@ export const shown = (result) => ({
 export class Kept {
   /** `pages` is a `Pages`. */
   constructor(pages) {
-    Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, changes: new Map(), readings: new Map() });
+    Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, ahead: 0, changes: new Map(), readings: new Map() });
   }
 
   /**
@@ -71,7 +71,7 @@ export class Kept {
   /** Reads pages that are flat and not read yet, some at once, so that a searchable file is made quickly. */
   async readAhead() {
     if (!this.canRead || !this.pages.isHere) return;
-    const room = this.atOnce - this.busy - this.readings.size; // `busy` of the workers flatten
+    const room = this.atOnce + this.ahead - this.busy - this.readings.size; // `busy` of the workers flatten
     const begun = this.unread().slice(0, Math.max(this.readings.size ? 0 : 1, room));
     await Promise.all(begun.map((page) => this.read(page).then(() => this.readAhead())));
   }
@@ -79,10 +79,12 @@ export class Kept {
   /** Resolves when changes that are under way are done, and all pages are read where `isRead`. */
   async settled(isRead) {
     await Promise.all(this.changes.values());
+    this.ahead = 1; // one more is asked for while the workers read: nobody waits for anything else
     while (isRead && this.canRead && (this.readings.size || this.unread().length)) {
       this.readAhead();
       await Promise.race(this.readings.values());
     }
+    this.ahead = 0;
   }
 
   unread() {
