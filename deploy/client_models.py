@@ -26,6 +26,7 @@ ANSWERS = (
     "PlainMosaicResult",
     "LayoutResult",
     "DocumentResult",
+    "StackResult",
     "JobStatus",
     "UploadState",
     "Problem",

@@ -53,7 +53,7 @@ class UploadNotFound(NotFound):
 class UploadMoved(StoreError):
     """An upload does not end where a piece begins: another piece came, or one is missing."""
 
-    code = "conflict"
+    code = "wrong-offset"
 
 
 class UploadsFull(StoreError):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.http.tus import PIECE_TYPE
+from app.http.octets import OCTETS
 from app.openapi.example_documents import (
     ACCEPTED,
     FOUND,
@@ -49,7 +49,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
             "elements": {"subject": "h1"},
         },
     },
-    PIECE_TYPE: {"send_piece": "(the next bytes of the file)"},
+    OCTETS: {"send_piece": "(the next bytes of the file)"},
     "multipart/form-data": {
         "rectify": {"image": _PHOTO, "illumination": "normalize", "format": "json"},
         "mosaic": {"images": _PHOTOS, "format": "json"},

@@ -1,6 +1,7 @@
 """/uploads: files that arrive in pieces, by the protocol tus 1.0.0, and then stand in forms by their ids."""
 
-from typing import Annotated, Any
+import re
+from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 from starlette.datastructures import UploadFile
@@ -8,8 +9,9 @@ from starlette.datastructures import UploadFile
 from app.access.callers import caller_of
 from app.http.form_parts import spooled_file
 from app.http.json_answers import JSON
+from app.http.octets import OCTETS
 from app.http.problems import documented
-from app.http.tus import PIECE_TYPE, VERSION, Checksum, TusRoute, name_in, upload_headers
+from app.http.tus import PIECE_TYPE, PIECE_TYPES, VERSION, Checksum, TusRoute, name_in, upload_headers
 from app.http.upload_places import BodyTooSlow, UploadPlace
 from app.http.uploads import ClientGone
 from app.routes.common_responses import BODY, STORE
@@ -37,7 +39,7 @@ _VERSIONED = {
             "in": "header",
             "required": True,
             "description": "Version of the protocol.",
-            "schema": {"type": "string", "default": VERSION},
+            "schema": {"type": "string", "pattern": rf"^{re.escape(VERSION)}$", "default": VERSION},
         }
     ]
 }
@@ -45,8 +47,8 @@ _PIECE = {
     **_VERSIONED,
     "requestBody": {
         "required": True,
-        "description": "The next bytes of the file.",
-        "content": {PIECE_TYPE: {"schema": {"type": "string", "format": "binary"}}},
+        "description": f"The next bytes of the file; clients of tus send them as {PIECE_TYPE}.",
+        "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}},
     },
 }
 _MOST_BYTES = 2**53
@@ -106,7 +108,7 @@ async def show_upload(request: Request, state: State, id: str) -> Response:
         204: {"description": "All that was sent is kept.", "headers": _OF_UPLOAD},
         **documented(
             "not-found",
-            "conflict",
+            "wrong-offset",
             "unsupported-media-type",
             "invalid-option",
             "checksum-mismatch",
@@ -132,7 +134,7 @@ async def send_piece(
     With a checksum the piece is kept as a whole or not at all.
     """
     upload = await own_upload(request, state, id)
-    if request.headers.get("content-type", "").strip().lower() != PIECE_TYPE:
+    if request.headers.get("content-type", "").strip().lower() not in PIECE_TYPES:
         raise UnsupportedMediaType(f"Send a piece with Content-Type: {PIECE_TYPE}.", "Content-Type")
     if upload_offset != upload.received:
         raise UploadMoved(
@@ -152,8 +154,7 @@ async def send_piece(
     "/{id}",
     operation_id="delete_upload",
     status_code=204,
-    responses=documented("not-found", *STORE, of_tus=True),
-    openapi_extra=_VERSIONED,
+    responses=documented("not-found", *STORE),
 )
 async def delete_upload(request: Request, state: State, id: str) -> Response:
     """Delete an upload with what has come of it."""
@@ -224,6 +225,6 @@ def _size(piece: UploadFile) -> int:
     return piece.size or 0
 
 
-def _described(upload: StoredUpload, status: int = 200, more: dict[str, Any] | None = None) -> Response:
+def _described(upload: StoredUpload, status: int = 200, more: dict[str, str] | None = None) -> Response:
     headers = {**upload_headers(upload), **(more or {})}
     return Response(UploadState.of(upload).model_dump_json(), status, headers, JSON)

@@ -1,9 +1,10 @@
 """Options that several requests have in common, and conversions of form and JSON values."""
 
 import re
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field, StringConstraints
+from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
 
 from services.contract import rectify
@@ -83,9 +84,10 @@ def turn_of(entry: str) -> rectify.Rotation | None:
     return turns.get(entry)
 
 
-def files_may_be_uploads(schema: dict[str, Any]) -> None:
-    """Document that no part of a form is needed: uploads may stand for its files."""
+def files_may_be_uploads(schema: JsonDict) -> None:
+    """Document that a form needs some part, but no file: uploads may stand for them."""
     schema.pop("required", None)
+    schema["minProperties"] = 1
 
 
 Upright = Annotated[

@@ -15,7 +15,7 @@ EVERY_S = 60.0
 """Results live for hours, so a minute more is little."""
 
 
-class Blobs(Protocol):
+class Swept(Protocol):
     """Blobs that belong to rows of the store, or are limited in all."""
 
     async def sweep(self) -> int:
@@ -23,7 +23,7 @@ class Blobs(Protocol):
 
 
 @asynccontextmanager
-async def deleting_expired(store: LayoutStore, *blobs: Blobs) -> AsyncIterator[None]:
+async def deleting_expired(store: LayoutStore, *blobs: Swept) -> AsyncIterator[None]:
     """Inside of the block, delete every `EVERY_S` seconds what has expired, and blobs without a row."""
     task = asyncio.create_task(_delete_regularly(store, blobs))
     try:
@@ -34,7 +34,7 @@ async def deleting_expired(store: LayoutStore, *blobs: Blobs) -> AsyncIterator[N
             await task
 
 
-async def _delete_regularly(store: LayoutStore, blobs: Sequence[Blobs]) -> None:
+async def _delete_regularly(store: LayoutStore, blobs: Sequence[Swept]) -> None:
     while True:
         try:
             await store.purge()

@@ -130,8 +130,8 @@ def name_an_unfinished_one(url: str) -> Answer:
 
 
 ATTACKS = (
-    Attack("a gap between pieces", _second_piece(11, b"x"), ("conflict",)),
-    Attack("a piece over another one", _second_piece(5, b"x" * 15), ("conflict",)),
+    Attack("a gap between pieces", _second_piece(11, b"x"), ("wrong-offset",)),
+    Attack("a piece over another one", _second_piece(5, b"x" * 15), ("wrong-offset",)),
     Attack("a piece beyond the end", _second_piece(10, b"x" * 11), ("too-large",)),
     Attack("a piece of another version", _second_piece(10, b"x", **{"Tus-Resumable": "9"}), ("conflict",)),
     Attack(

@@ -219,10 +219,12 @@ def test_gaps_and_overlaps_are_refused(client: httpx.Client, offset: int, size: 
     path = begun(client, 20)
     assert send(client, path, 0, b"0123456789").status_code == 204
     answer = send(client, path, offset, b"x" * size)
-    assert assert_problem(answer, 409, "conflict")
+    assert assert_problem(answer, 409, "wrong-offset")
     assert answer.headers["tus-resumable"] == "1.0.0"
     assert offset_of(client, path) == 10
     assert send(client, path, 10, b"").headers["upload-offset"] == "10"
+    octets = {"Content-Type": "application/octet-stream"}  # as generated clients send it
+    assert send(client, path, 10, b"x", **octets).headers["upload-offset"] == "11"
 
 
 def test_more_than_the_length_is_refused_and_a_piece_of_it_is_not_kept(client: httpx.Client) -> None:
@@ -289,6 +291,7 @@ def test_what_cannot_be_used_is_refused(client: httpx.Client) -> None:
     assert (
         assert_problem(client.post("/rectify", data={"upload": ""}), 400, "bad-request")["field"] == "image"
     )
+    assert client.delete(path, headers={"Tus-Resumable": "2"}).status_code == 412
     for version in ({}, {"Tus-Resumable": "0.2.2"}):
         headers = {**version, "Upload-Length": "1"}
         refused = client.post("/uploads", headers=headers)

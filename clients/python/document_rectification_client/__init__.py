@@ -10,6 +10,7 @@ from document_rectification_client.models import (
     LayoutResult,
     PlainMosaicResult,
     PlainPagesResult,
+    StackResult,
 )
 from document_rectification_client.problems import ProblemError
 
@@ -25,6 +26,7 @@ __all__ = [
     "PlainMosaicResult",
     "PlainPagesResult",
     "ProblemError",
+    "StackResult",
     "Upload",
     "calls",
 ]

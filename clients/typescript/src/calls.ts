@@ -8,6 +8,7 @@ import type {
   PlainMosaicResult,
   PlainPagesResult,
   RectifyOptions,
+  StackResult,
 } from "./models.js";
 
 /** A file that the service has already (`Client.upload`); it stands for a photo, in any number of calls. */
@@ -62,7 +63,7 @@ export function mosaicPage(photos: Photo[], options: Given<Omit<MosaicOptions, "
 }
 
 /** Class and labels of a page; of several images, of the document and of its pages. */
-export function layout(images: Photo[], options: Given<Omit<LayoutOptions, "format">> = {}): Call<LayoutResult | DocumentResult> {
+export function layout(images: Photo[], options: Given<Omit<LayoutOptions, "format">> = {}): Call<LayoutResult | DocumentResult | StackResult> {
   return { path: "/layout", form: form("image", images, { ...options, format: "json" }), read: readJson };
 }
 
