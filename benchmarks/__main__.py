@@ -22,6 +22,7 @@ MODULES = {
     "app_scans": "rectify.app_scans",
     "whole_sheets": "rectify.whole_sheets",
     "house": "house",
+    "scan_screen": "scan_screen",
     "print_kept": "rectify.print_kept",
     "flatness": "rectify.flatness",
     "reading": "reading.study",

@@ -78,7 +78,10 @@ def option_schemas() -> dict[str, Schema]:
 
 def _is_file(name: str, schema: Schema) -> bool:
     """Whether a part of a form is a file, or stands for one."""
-    return name == "upload" or "binary" in (schema.get("format"), schema.get("items", {}).get("format"))
+    return name in ("upload", "kept_page") or "binary" in (
+        schema.get("format"),
+        schema.get("items", {}).get("format"),
+    )
 
 
 def _option(schema: Schema) -> Schema:

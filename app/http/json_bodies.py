@@ -104,7 +104,8 @@ def _told(error: ValidationError, model: type[BaseModel]) -> InvalidOption:
     first = next((each for each in problems if each["type"] == "extra_forbidden"), problems[0])
     # Which of several types was tried is no place.
     place = [part for index, part in enumerate(first["loc"]) if not index or not _KIND.fullmatch(str(part))]
-    field = ".".join(map(str, place))[:_LONGEST_FIELD] or "body"
+    steps = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place)
+    field = steps.removeprefix(".")[:_LONGEST_FIELD] or "body"
     if first["type"] == "extra_forbidden":
         names = _names_of(model, is_nested=len(first["loc"]) > 1)
         return InvalidOption(f"{field}: {no_such_option(str(first['loc'][-1]), names)}", field)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -37,7 +37,7 @@ from models.records import StoredPage
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, PageReply, SeveralFormat
-from services.contract.kept_pages import FlatJson, KeptPage, KeptPageJson, PageReading, PageWish
+from services.contract.kept_pages import KeptPage, KeptPageJson, PageReading, PageWish, RenderedPage
 
 router = APIRouter(prefix="/pages", tags=["pages"])
 
@@ -100,7 +100,7 @@ async def kept_page(state: AppState, page: StoredPage) -> KeptPage:
     "/{id}", operation_id="kept_page", responses=documented("not-found", *STORE), response_model=RectifyResult
 )
 async def show_page(request: Request, state: State, id: str) -> Response:
-    """The description of a kept page, by what was said of it last."""
+    """The description of a kept page at full size, by what was said of it last, without text (see its render)."""
     page = await own_page(request, state, id)
     return await answer_json(partial(described, page))
 
@@ -167,28 +167,30 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     reading = reading_of(asked, state, needed=asked.text)
     work = state.engine.submit(state.operations.render_kept_page, kept, asked.wish, encoding, reading)
     reply, changed = await while_connected(request.receive, work)
-    bundle_bytes = len(changed.bundle) or page.document["bytes"]
     (answer,) = flat_pages(reply)
     answer.page_id = id
-    dumped = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type", "text"})
-    shown = cast(FlatJson, dumped)
-    document: KeptPageJson = {
-        **changed.document,
-        "bytes": bundle_bytes,
-        "name": page.document["name"],
-        "shown": shown,
-    }
-    if asked.wish == PageWish():
-        # Only read or shown: what a person has said meanwhile stays.
-        page = await own_page(request, state, id)
-        document = {**page.document, "text": document["text"]} if reading else page.document
-    if changed.bundle:
-        await state.photos.forget([id])
-        await state.photos.keep({id: changed.bundle})
-    await state.store.call(lambda store: store.change_kept_page(id, document))
+    if asked.wish != PageWish():
+        await keep_change(state, page, changed)
+    elif reading is not None:  # only read: what a person has said meanwhile stays
+        now = await own_page(request, state, id)
+        read: KeptPageJson = {**now.document, "text": changed.document["text"]}
+        await state.store.call(lambda store: store.change_kept_page(id, read))
     if reply.media_type == JSON:
         return await answer_json(lambda: answer, headers={"Vary": "Accept"})
     return file_answer(reply, page)
+
+
+async def keep_change(state: AppState, page: StoredPage, changed: RenderedPage) -> None:
+    """Keep what a person has said of a page, and what is known of it since then."""
+    document: KeptPageJson = {
+        **changed.document,
+        "bytes": len(changed.bundle) or page.document["bytes"],
+        "name": page.document["name"],
+    }
+    if changed.bundle:
+        await state.photos.forget([page.id])
+        await state.photos.keep({page.id: changed.bundle})
+    await state.store.call(lambda store: store.change_kept_page(page.id, document))
 
 
 @router.post(

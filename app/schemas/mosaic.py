@@ -17,6 +17,7 @@ from app.schemas.options import (
     Embed,
     EmbedFormat,
     Illumination,
+    KeptPages,
     Language,
     MaxPixels,
     Quality,
@@ -120,6 +121,7 @@ class MosaicForm(BaseModel):
     title: Title = None
     callback_url: CallbackUrl = None
     upload: Uploads = []
+    kept_page: KeptPages = []
 
     def parameters(self) -> MosaicParameters:
         """The options of the mosaic, without those of the response format.

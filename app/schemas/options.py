@@ -187,6 +187,14 @@ Uploads = Annotated[
     ),
 ]
 """The route finds files in place of the ids: `UploadFormRoute`."""
+KeptPages = Annotated[
+    list[str],
+    Field(
+        description="Ids of kept pages (/pages), in place of files: a part of this name for each. Their photos take "
+        "the places of these parts.",
+    ),
+]
+"""The route finds files in place of the ids: `UploadFormRoute`."""
 CallbackUrl = Annotated[
     Annotated[str, Field(max_length=2000)] | Absent,
     Field(

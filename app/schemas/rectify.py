@@ -17,6 +17,7 @@ from app.schemas.options import (
     Embed,
     EmbedFormat,
     Illumination,
+    KeptPages,
     Language,
     MaxPixels,
     Quality,
@@ -152,6 +153,7 @@ class RectifyForm(BaseModel):
     archive: AskedArchive = "images"
     callback_url: CallbackUrl = None
     upload: Uploads = []
+    kept_page: KeptPages = []
 
     def parameters(self) -> RectifyParameters:
         """The options of the rectification, without those of the response format.

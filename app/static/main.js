@@ -45,10 +45,13 @@ const dialog = document.getElementById("key-dialog");
 const reason = document.getElementById("key-reason");
 const field = document.getElementById("key-field");
 
+const NEEDED = "The service needs a key. Whoever runs it has one for you.";
+const REFUSED = "The service does not know this key, or not for this. Check it and enter it again.";
+
 function askForKey(why) {
   if (dialog.open && why) reason.textContent = why;
   if (dialog.open) return;
-  reason.textContent = why ?? "The key stays in this browser tab and is sent as a header.";
+  reason.textContent = why ?? "The key stays in this browser tab.";
   field.value = apiKey();
   dialog.returnValue = "cancel";
   dialog.showModal();
@@ -56,7 +59,7 @@ function askForKey(why) {
 }
 
 document.getElementById("key-button").addEventListener("click", () => askForKey());
-document.addEventListener("key-needed", (event) => askForKey(event.detail));
+document.addEventListener("key-needed", () => askForKey(apiKey() ? REFUSED : NEEDED));
 dialog.addEventListener("close", () => {
   if (dialog.returnValue === "cancel") return;
   setApiKey(dialog.returnValue === "use" ? field.value.trim() : "");
@@ -66,7 +69,7 @@ dialog.addEventListener("close", () => {
 
 /** Uses the key that was entered, unless the service refuses it. A view that holds work goes on with it. */
 async function tryKey() {
-  if (apiKey() && (await refusalOfKey())) return askForKey("The service does not know this key. Check it and enter it again.");
+  if (apiKey() && (await refusalOfKey())) return askForKey(REFUSED);
   notify(apiKey() ? "The key is in use." : "No key is in use.");
   for (const [name, view] of shown) if (!view.keyChanged) shown.delete(name);
   for (const view of shown.values()) view.keyChanged();

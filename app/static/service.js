@@ -50,7 +50,7 @@ export async function request(method, path, { body, headers = {}, signal } = {})
   const retryAfter = Number(response.headers.get("Retry-After")) || undefined;
   const problem = new Problem({ ...(await problemOf(response)), retryAfter });
   if (response.status === 401 || (response.status === 403 && /API key/.test(problem.detail))) {
-    document.dispatchEvent(new CustomEvent("key-needed", { detail: problem.detail }));
+    document.dispatchEvent(new CustomEvent("key-needed"));
   }
   throw problem;
 }

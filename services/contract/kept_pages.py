@@ -1,5 +1,7 @@
 """Kept photos: what is kept of a page, and what a later answer may change."""
 
+import io
+import zipfile
 from dataclasses import dataclass
 from typing import Literal, NotRequired, TypedDict
 
@@ -7,6 +9,10 @@ from services.contract.rectify import Corners, Crop, Illumination, PageKind, Rot
 
 MOST_BOUND_PAGES = 200
 """Of one file of kept pages."""
+
+
+PHOTO = "photo"
+"""Name of the photo in the file of a kept page."""
 
 
 class OrientationJson(TypedDict):
@@ -129,6 +135,11 @@ class KeptPage:
 
     bundle: bytes
     document: KeptPageJson
+
+    def photo(self) -> bytes:
+        """The photo: an image file."""
+        with zipfile.ZipFile(io.BytesIO(self.bundle)) as archive:
+            return archive.read(PHOTO)
 
 
 @dataclass(frozen=True, slots=True)

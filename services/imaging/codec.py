@@ -373,12 +373,20 @@ def encode_image(
                 icc_profile=icc_profile,
             )
         case "pdf":
-            embedded = _encode_for_pdf(picture, quality, dpi, icc_profile)
-            layout = img2pdf.get_fixed_dpi_layout_fun((dpi, dpi))
-            page: bytes = img2pdf.convert(
-                embedded, layout_fun=layout, engine=img2pdf.Engine.internal, nodate=True
-            )
-            return page
+            return pdf_of(_encode_for_pdf(picture, quality, dpi, icc_profile), dpi)
+
+
+def pdf_of(image: bytes, dpi: float | None = None) -> bytes:
+    """A PDF of one page with an image file of this module as it is; resolution as of `encode_image`."""
+    layout = img2pdf.get_fixed_dpi_layout_fun((dpi or DEFAULT_DPI, dpi or DEFAULT_DPI))
+    page: bytes = img2pdf.convert(image, layout_fun=layout, engine=img2pdf.Engine.internal, nodate=True)
+    return page
+
+
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """Width and height of a JPEG file of this module."""
+    height, width, *_ = simplejpeg.decode_jpeg_header(data)
+    return width, height
 
 
 def _encode_for_pdf(picture: Image.Image, quality: int, dpi: float, icc_profile: bytes | None) -> bytes:

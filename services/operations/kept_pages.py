@@ -1,29 +1,40 @@
 """Later answers about kept pages: other turns, margins, looks and parts by what is kept, other corners anew."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from services.arrays import Floats, Points, RgbImage
+from services.arrays import Points, RgbImage
 from services.contract.answers.rectify import RectifyResult
 from services.contract.images import Encoding, ImageLimits, PageReply
-from services.contract.kept_pages import KeptPage, KeptPageJson, PageReading, PageWish, RenderedPage, WishJson
-from services.contract.rectify import Crop, RectifyParameters
+from services.contract.kept_pages import (
+    FlatJson,
+    KeptPage,
+    KeptPageJson,
+    PageReading,
+    PageWish,
+    RenderedPage,
+    WishJson,
+)
+from services.contract.rectify import Crop, Illumination, RectifyParameters
 from services.geometry.homographies import to_resized, transform_points
 from services.geometry.page_frame import Frame, mesh_of, turn_against_photo, turn_frame, turning
-from services.imaging.codec import decode_image, encode_image
+from services.imaging.codec import DEFAULT_DPI, DEFAULT_QUALITY, decode_image, encode_image, jpeg_size, pdf_of
 from services.imaging.looks import scanner_look
 from services.imaging.normalization import normalize_illumination
+from services.imaging.page_files import PagePart
 from services.imaging.page_images import page_picture
 from services.imaging.square_pixels import square_pixels
-from services.operations.kept_text import keep_text, shown_part, text_of
+from services.operations.kept_text import ShownPart, keep_text, kept_text, shown_part, text_of
 from services.operations.page_bundle import PageBundle, open_bundle
 from services.operations.page_reading import READING_CUT
 from services.operations.pages_reply import (
     DescribedPage,
     EncodedPage,
+    PagesTarget,
     bind_pages,
     choose_target,
     encode_page,
@@ -62,8 +73,9 @@ def render_kept_page(
         wish, bundle, packed = PageWish(), open_bundle(kept.bundle), kept.bundle
     else:
         packed = b""
-    page, source = draw_kept(kept, bundle, wish, encoding, timings_ms, reading)
-    changed = RenderedPage(_wished(kept.document, wish), packed)
+    view = wished_view(kept.document, bundle, wish)
+    page, source = draw_kept(kept, bundle, view, encoding, timings_ms, reading)
+    changed = RenderedPage(_wished(kept.document, wish, view), packed)
     return make_page_reply(page, source, encoding, timings_ms), changed
 
 
@@ -76,12 +88,15 @@ def bind_kept_pages(
     """
     timings_ms: dict[str, float] = {}
     encoded: list[EncodedPage] = []
-    target = None
+    target = choose_target(encoding, SourceFacts(pages[0].document["format"], None, None), len(pages))
     for kept in pages:
-        page, source = draw_kept(kept, open_bundle(kept.bundle), PageWish(), encoding, timings_ms, reading)
-        target = target or choose_target(encoding, source, len(pages))
-        encoded.append(encode_page(page, target, source, encoding))
-    assert target is not None, "the app has seen to that"
+        bundle = open_bundle(kept.bundle)
+        view = wished_view(kept.document, bundle, PageWish())
+        page = encoded_as_kept(kept, bundle, view, target, encoding, reading)
+        if page is None:
+            drawn, source = draw_kept(kept, bundle, view, encoding, timings_ms, reading)
+            page = encode_page(drawn, target, source, encoding)
+        encoded.append(page)
     return bind_pages(encoded, target, encoding, timings_ms)
 
 
@@ -117,20 +132,46 @@ def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPag
     return page.kept
 
 
-def draw_kept(
-    kept: KeptPage,
-    bundle: PageBundle,
-    wish: PageWish,
-    encoding: Encoding,
-    timings_ms: dict[str, float],
-    reading: PageReading | None = None,
-) -> tuple[DescribedPage, SourceFacts]:
-    """The page as the person wishes it, its description, and the facts of its photo.
+@dataclass(frozen=True, slots=True, eq=False)
+class WishedView:
+    """What a person wishes to see of a kept page: `frame` is that of the `planned` view, `turned`, with its margin.
 
-    With `reading` it has its text, which is put into the document of `kept`.
+    `is_first` tells whether it shows the part that the first picture shows, perhaps turned by `quarters`; `is_lit`
+    whether that has even light already. `dpi` is its resolution at full size.
     """
-    document, options = kept.document, kept.document["options"]
-    answer = document["answer"]
+
+    planned: PlannedView
+    turned: Frame
+    frame: Frame
+    look: Illumination
+    turn: int
+    quarters: int
+    part: ShownPart
+    is_first: bool
+    is_lit: bool
+    dpi: float | None
+
+    @property
+    def is_of_picture(self) -> bool:
+        """Whether it is made of the first picture."""
+        return self.is_first and (self.look != "keep" or not self.is_lit)
+
+    @property
+    def is_picture(self) -> bool:
+        """Whether it is the first picture."""
+        return (
+            self.is_of_picture and not self.quarters and self.look == ("normalize" if self.is_lit else "keep")
+        )
+
+    def mesh(self, document: KeptPageJson) -> NDArray[np.float64]:
+        """Points (rows, columns, 2) of the photo file."""
+        stretch = np.array(document["stretch"])
+        return np.asarray(to_resized(mesh_of(self.frame), 1 / stretch), np.float64)
+
+
+def wished_view(document: KeptPageJson, bundle: PageBundle, wish: PageWish) -> WishedView:
+    """The view that `wish`, and what was said before, ask for."""
+    options, found = document["options"], document["answer"]["orientation"]
     before = PageWish(**document["wish"])
     wish = PageWish(
         **{
@@ -140,69 +181,122 @@ def draw_kept(
     )
     crop: Crop = wish.crop or options["crop"]
     margin = options["margin"] if wish.margin is None else wish.margin
-    look = wish.illumination or options["illumination"]
-    found = answer["orientation"]
     turn = _turn(wish, document)
     views = unpack_plan(bundle.plan).views
-    view = views[crop]
-    turned = turn_frame(view.frame, turn, found["mirrored"])
-    frame = with_margin(turned, margin)
-    lit = options["illumination"] != "keep"  # whether the kept picture has even light
-    if crop == options["crop"] and margin == options["margin"] and (look != "keep" or not lit):
+    turned = turn_frame(views[crop].frame, turn, found["mirrored"])
+    dpi = document["dpi"]
+    if dpi is not None and crop != options["crop"]:
+        own = _pixels_per_photo_pixel(views[options["crop"]].frame)
+        dpi *= _pixels_per_photo_pixel(views[crop].frame) / own
+    return WishedView(
+        views[crop],
+        turned,
+        with_margin(turned, margin),
+        wish.illumination or options["illumination"],
+        turn,
+        (turn - found["rotation_deg"]) // 90 % 4,
+        shown_part(crop, margin, turn, bundle.plan),
+        crop == options["crop"] and margin == options["margin"],
+        options["illumination"] != "keep",
+        dpi,
+    )
+
+
+def encoded_as_kept(
+    kept: KeptPage,
+    bundle: PageBundle,
+    view: WishedView,
+    target: PagesTarget,
+    encoding: Encoding,
+    reading: PageReading | None,
+) -> EncodedPage | None:
+    """The page in a file that takes its kept picture as it is; None where the picture, or its text, must be made."""
+    is_jpeg = target.format == "pdf" or (target.format == "zip" and target.image_format == "jpeg")
+    if not is_jpeg or not view.is_picture or encoding.quality not in (None, DEFAULT_QUALITY):
+        return None
+    width, height = jpeg_size(bundle.picture)
+    if reduced_size(width, height, encoding.max_width, encoding.max_height) != (width, height):
+        return None
+    text = None if reading is None else kept_text(kept.document, view.part, reading)
+    if reading is not None and text is None:
+        return None
+    answer = _described(kept.document, (height, width), view)
+    if text is not None and text.cut:
+        answer.warnings += describe_warnings((READING_CUT,))
+    data = pdf_of(bundle.picture, view.dpi) if target.format == "pdf" else bundle.picture
+    return EncodedPage(PagePart(data, view.dpi or DEFAULT_DPI), answer, text, view.dpi or DEFAULT_DPI)
+
+
+def draw_kept(
+    kept: KeptPage,
+    bundle: PageBundle,
+    view: WishedView,
+    encoding: Encoding,
+    timings_ms: dict[str, float],
+    reading: PageReading | None = None,
+) -> tuple[DescribedPage, SourceFacts]:
+    """The `view` of the page, its description, and the facts of its photo.
+
+    With `reading` it has its text, which is put into the document of `kept`.
+    """
+    document = kept.document
+    frame, lit = view.frame, view.is_lit
+    if view.is_of_picture:
         with timed("decode", timings_ms):
             picture = decode_image(bundle.picture, OWN)
-        quarters = (turn - found["rotation_deg"]) // 90 % 4
-        flat, icc_profile = np.ascontiguousarray(np.rot90(picture.pixels, -quarters)), picture.icc_profile
+        flat, icc_profile = (
+            np.ascontiguousarray(np.rot90(picture.pixels, -view.quarters)),
+            picture.icc_profile,
+        )
     else:
         with timed("decode", timings_ms):
             photo = square_pixels(page_picture(decode_image(bundle.photo, OWN)))
         lit, icc_profile = False, photo.icc_profile
         with timed("remap", timings_ms):
-            flat = draw_flat_view(photo.pixels, frame, None if margin > 0 else view.paper)
-    if look != "keep" and not lit:
+            flat = draw_flat_view(photo.pixels, frame, None if view.part.margin > 0 else view.planned.paper)
+    if view.look != "keep" and not lit:
         with timed("illumination", timings_ms):
-            flat = normalize_illumination(flat, _places(view, turned, turn, found["mirrored"], frame))
+            flat = normalize_illumination(flat, _places(view, document["answer"]["orientation"]["mirrored"]))
     text = None
     if reading is not None:
-        part = shown_part(crop, margin, turn, bundle.plan)
-        mesh = np.asarray(to_resized(mesh_of(frame), 1 / np.array(document["stretch"])), np.float64)
         with timed("reading", timings_ms):
-            text = text_of(document, part, flat, reading, mesh)
-        keep_text(document, part, text)
-    dpi = document["dpi"]
-    if dpi is not None and crop != options["crop"]:
-        dpi *= _pixels_per_photo_pixel(view.frame) / _pixels_per_photo_pixel(views[options["crop"]].frame)
-    frame, flat, dpi = _reduced(frame, flat, dpi, encoding)
-    mesh = np.asarray(mesh_of(frame), np.float64)
-    described = _described(document, flat.shape, mesh, turn, dpi)
+            text = text_of(document, view.part, flat, reading, view.mesh(document))
+        keep_text(document, view.part, text)
+    frame, flat, dpi = _reduced(frame, flat, view.dpi, encoding)
+    described = _described(document, flat.shape, replace(view, frame=frame, dpi=dpi))
     if text is not None:
         text = text.resized(flat.shape[1], flat.shape[0])
         described.warnings += describe_warnings((READING_CUT,) if text.cut else ())
     facts = SourceFacts(document["format"], dpi, icc_profile)
-    return DescribedPage(scanner_look(flat, look), described, text, dpi), facts
+    return DescribedPage(scanner_look(flat, view.look), described, text, dpi), facts
 
 
-def _wished(document: KeptPageJson, wish: PageWish) -> KeptPageJson:
-    """The kept `document` with what the person wishes from now on; how its picture was made stays."""
+def _wished(document: KeptPageJson, wish: PageWish, view: WishedView) -> KeptPageJson:
+    """The kept `document` with what the person wishes from now on, and sees: a `view` of full size.
+
+    How its picture was made stays.
+    """
     wished = {name: value for name, value in asdict(wish).items() if value is not None and name != "corners"}
-    return {**document, "wish": cast(WishJson, {**document["wish"], **wished})}
+    if not wished:
+        return document
+    answer = _described(document, (view.frame.height, view.frame.width), view)
+    shown = answer.model_dump(mode="json", exclude={"page_id", "image", "image_media_type", "text"})
+    wish_json = cast(WishJson, {**document["wish"], **wished})
+    return {**document, "wish": wish_json, "shown": cast(FlatJson, shown)}
 
 
-def _described(
-    document: KeptPageJson, shape: tuple[int, ...], mesh: Floats, turn: int, dpi: float | None
-) -> RectifyResult:
-    """The later answer without timings and picture: sizes, mesh and turn are its own."""
-    answer, stretch = document["answer"], np.array(document["stretch"])
+def _described(document: KeptPageJson, shape: tuple[int, ...], view: WishedView) -> RectifyResult:
+    """The later answer about a `view` without timings and picture: sizes, mesh and turn are its own."""
+    answer, quarters, mesh = document["answer"], view.quarters, view.mesh(document)
     orientation = {
         **answer["orientation"],
-        "rotation_deg": turn,
-        "photo_rotation_deg": round(turn_against_photo(mesh), 1) % 360,
+        "rotation_deg": view.turn,
+        "photo_rotation_deg": round(turn_against_photo(np.asarray(mesh_of(view.frame), np.float64)), 1) % 360,
     }
-    quarters = (turn - answer["orientation"]["rotation_deg"]) // 90 % 4
     corners = answer["corners"][-quarters:] + answer["corners"][:-quarters] if quarters else answer["corners"]
     page = answer["page"]
     if page is not None:
-        page = {**page, "dpi": rounded(dpi, 1) if page["dpi"] is not None else None}
+        page = {**page, "dpi": rounded(view.dpi, 1) if page["dpi"] is not None else None}
         if quarters % 2:
             page["width_mm"], page["height_mm"] = page["height_mm"], page["width_mm"]
             page["aspect"] = page["aspect"] and rounded(1 / page["aspect"])
@@ -216,7 +310,7 @@ def _described(
         "mesh": {
             "rows": mesh.shape[0],
             "columns": mesh.shape[1],
-            "source": np.round(to_resized(mesh, 1 / stretch), 3).tolist(),
+            "source": np.round(mesh, 3).tolist(),
         },
         "timings_ms": {},
     }
@@ -239,13 +333,14 @@ def _reduced(
     )
 
 
-def _places(view: PlannedView, turned: Frame, turn: int, mirrored: bool, wide: Frame) -> Points | None:
-    """Places (N, 2) of the text in the `wide` view, which is `view` turned and with a margin."""
-    if view.characters is None:
+def _places(view: WishedView, mirrored: bool) -> Points | None:
+    """Places (N, 2) of the text in the view with its margin."""
+    planned, turned = view.planned, view.turned
+    if planned.characters is None:
         return None
-    H, _, _ = turning(view.frame.width, view.frame.height, turn, mirrored)
-    margin = np.array([wide.width - turned.width, wide.height - turned.height]) / 2
-    return transform_points(np.linalg.inv(H), view.characters) + margin
+    H, _, _ = turning(planned.frame.width, planned.frame.height, view.turn, mirrored)
+    margin = np.array([view.frame.width - turned.width, view.frame.height - turned.height]) / 2
+    return transform_points(np.linalg.inv(H), planned.characters) + margin
 
 
 def _pixels_per_photo_pixel(frame: Frame) -> float:

@@ -42,6 +42,21 @@ def keep_text(document: KeptPageJson, part: ShownPart, text: PageText) -> None:
     document["text"] = {"part": asdict(part), "read": read}
 
 
+def kept_text(document: KeptPageJson, part: ShownPart, reading: PageReading) -> PageText | None:
+    """The text that is kept of `part` in this language, without places; None where it was not read.
+
+    Raises
+    ------
+    InvalidOption
+        When no OCR engine or no language data is installed.
+    """
+    _, language = reading_engine(reading.language)
+    kept = document.get("text")
+    if kept is None or kept["part"] != asdict(part) or kept["read"]["language"] != language:
+        return None
+    return _opened(kept["read"])
+
+
 def text_of(
     document: KeptPageJson,
     part: ShownPart,
@@ -51,18 +66,11 @@ def text_of(
 ) -> PageText:
     """The text of a `view` (H, W, 3) of `part`: what is kept of it, else it is read.
 
-    `mesh` (rows, columns, 2) has the photo points of the view.
-
-    Raises
-    ------
-    InvalidOption
-        When no OCR engine or no language data is installed.
+    `mesh` (rows, columns, 2) has the photo points of the view. Raises what `kept_text` raises.
     """
-    engine, language = reading_engine(reading.language)
-    kept = document.get("text")
-    if kept is None or kept["part"] != asdict(part) or kept["read"]["language"] != language:
-        return read_flat_page(view, engine, language, mesh)
-    text = _opened(kept["read"])
+    text = kept_text(document, part, reading)
+    if text is None:
+        return read_flat_page(view, *reading_engine(reading.language), mesh)
     height, width = view.shape[:2]
     text = text.resized(width, height)
     return replace(text, places=locate_boxes(mesh, width, height, [word.box for word in text.words]))

@@ -5,9 +5,9 @@ import zipfile
 from dataclasses import dataclass
 from typing import cast
 
-from services.contract.kept_pages import KeptPage, KeptPageJson, OptionsJson
+from services.contract.kept_pages import PHOTO, KeptPage, KeptPageJson, OptionsJson
 from services.contract.rectify import RectifyParameters
-from services.imaging.codec import encode_image
+from services.imaging.codec import DEFAULT_QUALITY, encode_image
 from services.imaging.page_images import PagePicture
 from services.operations.kept_text import keep_text, shown_part
 from services.operations.pages_reply import DescribedPage
@@ -15,12 +15,15 @@ from services.operations.replies import to_json_ready
 from services.rectify.results import RectifyResult
 from services.text.page_text import PageText
 
-PHOTO, PLAN, PICTURE = "photo", "plan.npz", "picture.jpg"
+PLAN, PICTURE = "plan.npz", "picture.jpg"
 
 
 @dataclass(frozen=True, slots=True)
 class PageBundle:
-    """`photo` is an image file; `plan` a packed `ViewPlan`; `picture` a JPEG file of the flat page before its look."""
+    """`photo` is an image file; `plan` a packed `ViewPlan`; `picture` a JPEG file of the flat page before its look.
+
+    The picture is what an answer of `DEFAULT_QUALITY` would have: files of kept pages take it as it is.
+    """
 
     photo: bytes
     plan: bytes
@@ -41,8 +44,6 @@ def open_bundle(packed: bytes) -> PageBundle:
         return PageBundle(*(archive.read(name) for name in (PHOTO, PLAN, PICTURE)))
 
 
-PICTURE_QUALITY = 92
-"""Of the picture: a page that is only turned is made of it."""
 KEPT_OPTIONS = tuple(OptionsJson.__annotations__)
 """Of `RectifyParameters`: what a page that is analysed again is analysed by."""
 
@@ -56,7 +57,7 @@ def keep_page(
 ) -> KeptPage | None:
     """What is kept of a flat page of `photo`, and of its `text`; None where its views are not known.
 
-    `page` describes `result`, perhaps with a smaller picture. The document has the `answer`, the `options` that made
+    `page` describes `result` at full size. The document has the `answer`, the `options` that made
     the picture, and what the person has said since then (`wish`), nothing so far.
     """
     if result.plan is None:
@@ -64,7 +65,7 @@ def keep_page(
     original = photo.original
     if original is None:  # a page of a file of several
         original = encode_image(photo.pixels, "png", dpi=photo.dpi, icc_profile=photo.icc_profile)
-    picture = encode_image(result.image, "jpeg", PICTURE_QUALITY, icc_profile=photo.icc_profile)
+    picture = encode_image(result.image, "jpeg", DEFAULT_QUALITY, page.dpi, photo.icc_profile)
     answer = page.answer.model_dump(mode="json", exclude={"timings_ms", "text", "page_id"})
     document = {
         "answer": answer,
@@ -73,7 +74,7 @@ def keep_page(
         "rotation_found": result.orientation.rotation_deg if parameters.page_turn is None else 0,
         "stretch": photo.stretch,
         "is_document": photo.is_document,
-        "dpi": page.dpi and page.dpi * result.image.shape[1] / page.image.shape[1],
+        "dpi": page.dpi,
         "format": photo.format,
     }
     ready = cast(KeptPageJson, to_json_ready(document))

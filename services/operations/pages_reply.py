@@ -208,7 +208,7 @@ def make_pages_reply(
 def several_pages_refused(count: int) -> NotAcceptable:
     """The error for an answer of `count` pages when the client accepts only formats of one page."""
     return NotAcceptable(
-        f"{count} pages were found, and the format that was asked for holds one; ask for pdf, tiff, zip or json "
-        "(field `format`, or `Accept`), or send one photo, with pages=main.",
+        f"{count} pages were found, and the format that was asked for holds one; send one photo, with pages=main, or "
+        "ask /rectify for pdf, tiff, zip or json (field `format`, or `Accept`).",
         "format",
     )

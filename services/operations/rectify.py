@@ -157,13 +157,15 @@ def describe_page(
     with timed("quality", result.timings_ms):
         quality = describe_quality(photo.pixels, result, words=None if text is None else text.words)
     view = reduce_view(result, encoding)
-    page = _document(result, view, parameters, photo, quality)
+    page = whole = _document(result, view, parameters, photo, quality)
     # The look comes last: gray levels are read, and reduced, better than black and white.
     page = replace(page, image=scanner_look(view.image, parameters.illumination))
     height, width = view.image.shape[:2]
     if parameters.keep_photo:
         with timed("keeping", result.timings_ms):
-            page = replace(page, kept=keep_page(result, page, parameters, photo, text))
+            if view is not result:
+                whole = _document(result, result, parameters, photo, quality)
+            page = replace(page, kept=keep_page(result, whole, parameters, photo, text))
     return page if text is None else replace(page, text=text.resized(width, height))
 
 

@@ -42,10 +42,11 @@ from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view, places_in_view
 from services.rectify.view.held_corners import end_at_corners, with_margin
-from services.rectify.view.judged_view import JudgedView, best_view, judge_view
+from services.rectify.view.judged_view import JudgedView, best_view, frame_view, judge_view
 from services.rectify.view.orientation import orient_page
 from services.rectify.view.paper_end import is_believed
 from services.rectify.view.paper_fit import fit_to_paper
+from services.rectify.view.print_kept import sheet_print
 from services.rectify.view.print_sample import sample_print
 from services.rectify.view.view_plan import ViewPlan, plan_view
 from services.sheet.outline.detection import find_outline
@@ -176,16 +177,17 @@ def flatten_page(
 
 def plan_views(photo: RgbImage, answered: JudgedView, parameters: RectifyParameters) -> ViewPlan:
     """How all views of the page of the `answered` one are drawn, before they are turned."""
-    page, views = answered.page, {}
+    page, boxes, views = answered.page, sheet_print(answered.page), {}
     for crop in get_args(Crop):
-        view = answered if crop == parameters.crop else judge_view(photo, page, crop)
-        frame = view.frame
+        frame, paper = answered.frame, answered.paper
+        if crop != parameters.crop:
+            frame, paper = frame_view(photo, page, crop, boxes)
         if crop == "sheet":
             frame, stretch = fit_to_paper(frame, page, parameters.paper)
             if stretch is not None and page.corners is not None:
                 frame = end_at_corners(frame, page.corners, (frame.width, frame.height))
         text = None if page.analysis is None else page.characters
-        views[crop] = plan_view(frame, view.paper, text)
+        views[crop] = plan_view(frame, paper, text)
     return ViewPlan(views)
 
 

@@ -95,6 +95,15 @@ def test_it_is_answered_again_and_what_was_said_counts_from_then_on(client: http
     assert picture_of(render(client, path, max_width=48)).size == (48, 38)
 
 
+def test_a_page_is_described_at_full_size_however_it_was_shown(client: httpx.Client) -> None:
+    path = keep(client, max_width="40")
+    assert client.get(path, headers=ALICE).json()["width"] == 80
+    assert render(client, path, rotate=90, max_width=30, format="json").json()["width"] == 30
+    described = client.get(path, headers=ALICE).json()
+    assert (described["width"], described["height"]) == (60, 80)
+    assert described["mesh"]["source"][0][0] == [0, 59]
+
+
 def test_other_corners_are_analysed_and_kept(client: httpx.Client, folder: Path) -> None:
     path = keep(client)
     corners = [[10, 5], [70, 8], [68, 50], [12, 55]]
@@ -124,7 +133,7 @@ def test_corners_that_were_given_can_be_taken_back(client: httpx.Client) -> None
         ({"corners": [[10, 5], [70, 8], [68, 50]]}, "corners"),
         ({"corners": [[10, 5], [68, 50], [70, 8], [12, 55]]}, "corners"),
         ({"corners": "here"}, "corners"),
-        ({"corners": [["a", 1], [70, 8], [68, 50], [12, 55]]}, "corners.0.0"),
+        ({"corners": [["a", 1], [70, 8], [68, 50], [12, 55]]}, "corners[0][0]"),
         ({"rotate": 45}, "rotate"),
         ({"margin": 21}, "margin"),
         ({"illumination": "sepia"}, "illumination"),
@@ -160,6 +169,7 @@ def test_pages_are_bound_in_their_order_each_as_it_was_last_answered(client: htt
 def test_reading_a_page_changes_nothing_that_was_said(client: httpx.Client) -> None:
     path = keep(client)
     turned = render(client, path, rotate=90, format="json").json()
+    assert client.get(path, headers=ALICE).json() == {**turned, "timings_ms": {}}
     small = render(client, path, format="json", max_width=20).json()
     assert (small["width"], small["orientation"]["rotation_deg"]) == (20, 90)
     assert client.get(path, headers=ALICE).json()["width"] == turned["width"] == 60
@@ -176,6 +186,53 @@ def test_a_page_is_its_owners_and_admins_see_all(client: httpx.Client) -> None:
         body = {} if hidden.endswith("render") else {"pages": [path.removeprefix("/pages/")]}
         assert_problem(client.post(hidden, json=body, headers=BOB), 404, "not-found")
     assert client.get(path, headers=ADMIN).status_code == 200
+
+
+PATHS = ("/rectify", "/rectify/pages", "/mosaic", "/mosaic/json")
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_kept_photos_stand_for_files(client: httpx.Client, path: str) -> None:
+    """In the places of their parts among the files, with their names."""
+    one, other = (keep(client).removeprefix("/pages/") for _ in range(2))
+    part = "image" if "rectify" in path else "images"
+    sent = [("kept_page", (None, one)), (part, ("sent.png", upload(""))), ("kept_page", (None, other))]
+    asked = {"format": "json"} if path in ("/rectify", "/mosaic") else {}
+    answer = client.post(path, files=sent, data=asked, headers=ALICE)
+    assert answer.status_code == 200, answer.text
+    assert len(answer.json()["pages" if "rectify" in path else "patches"]) == 3
+    if asked:
+        file = client.post(path, files=sent, data={"format": "pdf"}, headers=ALICE)
+        assert "my page-" in file.headers["content-disposition"]
+    assert client.get(f"/pages/{one}/photo", headers=ALICE).status_code == 200, "it is still kept"
+
+
+def test_a_job_has_the_photo_of_both_pages_itself(client: httpx.Client) -> None:
+    """Not the id of the page, which is deleted meanwhile."""
+    page = keep(client).removeprefix("/pages/")
+    asked = {"kept_page": page, "pages": "both", "format": "json"}
+    job = client.post("/rectify", data=asked, headers={**ALICE, "Prefer": "respond-async"}).json()
+    client.delete(f"/pages/{page}", headers=ALICE)
+    while not client.get(f"/jobs/{job['id']}", headers=ALICE).json()["ended"]:
+        time.sleep(POLL_S)
+    assert client.get(job["links"]["result"], headers=ALICE).json()["pages"]
+
+
+def test_photos_that_cannot_stand_for_files_are_refused(client: httpx.Client) -> None:
+    page = keep(client).removeprefix("/pages/")
+
+    def refused(
+        code: str, status: int, key: dict[str, str] = ALICE, path: str = "/rectify", **data: Any
+    ) -> None:
+        assert_problem(client.post(path, data=data, headers=key), status, code)
+
+    refused("not-found", 404, BOB, kept_page=page)
+    refused("not-found", 404, kept_page="nothing")
+    refused("invalid-option", 422, path="/mosaic", kept_page=page)  # one photo
+    refused("invalid-option", 422, path="/layout", kept_page=page)
+    assert client.post("/rectify", data={"kept_page": ["", page]}, headers=ADMIN).status_code == 200
+    file = client.post("/rectify", files={"kept_page": ("a.png", upload(""))}, headers=ALICE)
+    assert assert_problem(file, 422, "invalid-option")["field"] == "kept_page"
 
 
 def test_nothing_is_left_of_a_deleted_page(client: httpx.Client, folder: Path) -> None:

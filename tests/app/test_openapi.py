@@ -86,7 +86,7 @@ def test_the_form_is_documented_field_by_field() -> None:
         "image", "kind", "upright", "focal_length_px", "region", "corners", "rotate", "margin", "illumination", "crop",
         "pages", "paper", "on_no_text", "preview", "keep_photo", "camera", "text", "language", "format",
         "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "archive",
-        "callback_url", "upload",
+        "callback_url", "upload", "kept_page",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
@@ -98,7 +98,7 @@ def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     assert list(fields) == [
         "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "keep_photo", "camera", "text",
         "language", "format", "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title",
-        "callback_url", "upload",
+        "callback_url", "upload", "kept_page",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)

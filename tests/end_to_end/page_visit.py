@@ -1,10 +1,12 @@
 """The page at `/` in headless Chromium, driven by Playwright; what the browser complains about is collected."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
+import httpx
 from playwright.sync_api import Browser, Page, Route, expect, sync_playwright
 
 from tests.end_to_end.browser import CHROMIUM, SECONDS
@@ -68,6 +70,13 @@ class HeldRequests:
             self._page.wait_for_timeout(20)
             waited += 20
         return self._held.pop(0)
+
+
+def address(service: httpx.Client) -> str:
+    """Where the page is. A tab that was closed while its page was read has cost the service its only worker."""
+    while service.get("/health/ready").status_code != 200:
+        time.sleep(0.1)
+    return str(service.base_url).rstrip("/")
 
 
 @contextmanager

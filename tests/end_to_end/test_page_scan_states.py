@@ -14,7 +14,7 @@ from tests.app.scripts import upload
 from tests.end_to_end.accessibility import violations
 from tests.end_to_end.browser import NEEDS_CHROMIUM
 from tests.end_to_end.forked import ROOT
-from tests.end_to_end.page_visit import PHONE, HeldRequests, chromium, visiting
+from tests.end_to_end.page_visit import PHONE, HeldRequests, address, chromium, visiting
 from tests.end_to_end.processes import running
 
 pytestmark = NEEDS_CHROMIUM
@@ -69,8 +69,7 @@ def is_ready(page: Page, count: int = 1) -> None:
 def test_the_camera_shows_the_outline_and_takes_one_photo_of_a_still_sheet(
     browser: Browser, service: httpx.Client
 ) -> None:
-    url = str(service.base_url).rstrip("/")
-    with visiting(browser, url, viewport=PHONE, permissions=["camera"]) as visit:
+    with visiting(browser, address(service), viewport=PHONE, permissions=["camera"]) as visit:
         page = visit.page
         page.get_by_role("button", name="Camera").click()
         outline = page.locator(".camera-stage .outline")
@@ -155,7 +154,7 @@ def test_a_wrong_key_says_so_and_the_photos_wait(browser: Browser) -> None:
         page = visit.page
         choose(page)
         dialog = page.get_by_role("dialog", name="API key")
-        expect(dialog).to_be_visible()
+        expect(dialog).to_contain_text("The service needs a key.")
         assert violations(page) == []
         dialog.get_by_label("Key").fill("a-wrong-key-of-a-test")
         dialog.get_by_role("button", name="Use this key").click()

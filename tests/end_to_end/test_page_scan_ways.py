@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
+from tests.app.scripted import MARKUP_READ
 from tests.app.scripts import upload
 from tests.end_to_end.accessibility import violations
 from tests.end_to_end.browser import NEEDS_CHROMIUM
@@ -65,6 +66,11 @@ def is_ready(page: Page, count: int) -> None:
 
 def names_of(page: Page) -> list[str]:
     return page.locator(".file-name").all_text_contents()
+
+
+def names_of_parts(body: str, *names: str) -> list[str]:
+    """Names of the parts of a form in their order, of those that are asked for."""
+    return [name for name in re.findall(r'form-data; name="(\w+)"', body) if name in names]
 
 
 def tab_to(page: Page, name: str, *, back: bool = False) -> None:
@@ -276,15 +282,77 @@ def test_a_page_becomes_both_pages_of_a_book(browser: Browser, scripted: str) ->
         page.route("**/jobs/*/result", both)
         with page.expect_request("**/rectify") as request:
             page.get_by_role("button", name="Both pages").first.press("Enter")
-        assert re.search(
-            r'name="pages"\r\n\r\nboth', (request.value.post_data_buffer or b"").decode("latin1")
-        )
+        sent = (request.value.post_data_buffer or b"").decode("latin1")
+        assert re.search(r'name="pages"\r\n\r\nboth', sent)
+        assert names_of_parts(sent, "kept_page", "image") == ["kept_page"], "its photo is not sent again"
         is_ready(page, 3)
         expect(page.locator(".file-name")).to_have_text(["book.jpg, left", "book.jpg, right", "letter.jpg"])
         assert not is_lost(page)
         for name in ("Corners", "Rotate", "Remove"):
             assert page.get_by_role("button", name=name).count() == 3
         assert len([one for one in visit.sent if one.startswith("DELETE /pages/")]) == 1, "the page before"
+
+
+def test_pages_of_the_strip_are_joined_without_sending_their_photos(browser: Browser, scripted: str) -> None:
+    """They stay until the joined page is there; the photos that are added to it later are sent, no others."""
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        read_nothing(page)
+        choose(page, "left.jpg", "right.jpg", "letter.jpg")
+        is_ready(page, 3)
+        mosaics: list[list[str]] = []
+
+        def note(route: Route) -> None:
+            sent = (route.request.post_data_buffer or b"").decode("latin1")
+            mosaics.append(names_of_parts(sent, "kept_page", "images"))
+            if len(mosaics) == 1:
+                route.fulfill(status=422, json={"code": "not-overlapping", "detail": "-", "status": 422})
+            else:
+                route.continue_()
+
+        page.route("**/mosaic", note)
+        page.get_by_role("button", name="Join with next").first.click()
+        joined = page.get_by_role("listitem", name="Page 3")
+        expect(joined.get_by_role("alert")).to_contain_text("do not overlap enough")
+        assert names_of(page) == ["left.jpg", "right.jpg", "One page of 2 photos", "letter.jpg"]
+        assert violations(page) == []
+        joined.get_by_role("button", name="Try again").click()
+        is_ready(page, 2)
+        assert names_of(page) == ["One page of 2 photos", "letter.jpg"]
+        first = page.get_by_role("listitem", name="Page 1")
+        first.get_by_label("Add parts").set_input_files([photo("middle.jpg")])  # type: ignore[list-item]
+        expect(page.get_by_text("One page of 3 photos")).to_be_visible()
+        is_ready(page, 2)
+        assert mosaics == [["kept_page"] * 2] * 2 + [["kept_page"] * 2 + ["images"]]
+        assert visit.count("POST /rectify") == 3
+        assert not [one for one in visit.sent if one.startswith("DELETE /pages/")], "kept as long as the page"
+        with page.expect_response(lambda one: one.request.method == "DELETE"):
+            first.get_by_role("button", name="Remove").click()
+        is_ready(page, 1)
+        assert [one for one in visit.complaints if not re.search("status of (422|504)", one)] == []
+
+
+def test_photos_that_the_service_no_longer_keeps_are_sent(browser: Browser, scripted: str) -> None:
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        choose(page, "book.jpg")
+        is_ready(page, 1)
+        sent: list[list[str]] = []
+
+        def note(route: Route) -> None:
+            body = (route.request.post_data_buffer or b"").decode("latin1")
+            sent.append(names_of_parts(body, "kept_page", "image"))
+            if len(sent) == 1:
+                route.fulfill(status=404, json={"code": "not-found", "detail": "It is gone.", "status": 404})
+            else:
+                route.continue_()
+
+        page.route("**/rectify", note)
+        with page.expect_response(lambda one: one.url.endswith("/result")):
+            page.get_by_role("button", name="Both pages").click()
+        is_ready(page, 1)
+        assert sent == [["kept_page"], ["image"]]
+        assert [one for one in visit.complaints if "status of 404" not in one] == []
 
 
 def test_a_second_tab_says_so_and_takes_the_pages_over(browser: Browser, scripted: str) -> None:
@@ -311,24 +379,34 @@ def test_a_second_tab_says_so_and_takes_the_pages_over(browser: Browser, scripte
         visit.check()
 
 
-def test_markup_in_names_and_texts_is_text(browser: Browser, scripted: str) -> None:
-    def spoken(route: Route) -> None:
-        response = route.fetch()
-        answer = {**response.json(), "text": {"text": MARKUP, "lines": []}}
-        route.fulfill(response=response, json=answer)
-
+def test_markup_in_names_and_texts_is_text(browser: Browser, scripted: str, tmp_path: Path) -> None:
+    """The service reads `MARKUP_READ` on each page: in answers, in the text that is saved, and in the PDF."""
     with visiting(browser, scripted) as visit:
         page = visit.page
-        page.route("**/jobs/*/result", spoken)
-        page.route("**/render", spoken)
+        with page.expect_response("**/render") as read:
+            choose(page, f"{MARKUP}.jpg")
+        assert [word["text"] for word in read.value.json()["text"]["words"]] == [MARKUP_READ]
+        is_ready(page, 1)
+        page.get_by_label("Name").fill(MARKUP)
+        with page.expect_download() as saved:
+            page.get_by_role("button", name="Text", exact=True).click()
+        text = tmp_path / saved.value.suggested_filename
+        saved.value.save_as(text)
+        assert text.read_text(encoding="utf-8").strip() == MARKUP_READ
+        shown = page.context.new_page()
+        shown.goto(text.as_uri())
+        expect(shown.get_by_text(MARKUP_READ)).to_be_visible()
+        assert shown.locator("img").count() == 0
+        shown.close()
+        with page.expect_download():
+            page.get_by_role("button", name="Download PDF").click()
         problem = {"code": "of-a-test", "detail": MARKUP, "status": 422}
         page.route("**/pages/bind", lambda route: route.fulfill(status=422, json=problem))
-        choose(page, f"{MARKUP}.jpg")
-        is_ready(page, 1)
-        page.get_by_role("button", name="Rotate").click()
-        page.get_by_label("Name").fill(MARKUP)
         page.get_by_role("button", name="Text", exact=True).click()
         expect(page.get_by_role("alert")).to_have_text(MARKUP)
+        assert names_of(page) == [f"{MARKUP}.jpg"]
+        page.reload()
+        is_ready(page, 1)
         assert names_of(page) == [f"{MARKUP}.jpg"]
         assert page.locator("img[src=x]").count() == 0
         assert page.title() != "ran"

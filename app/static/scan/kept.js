@@ -4,8 +4,10 @@ import { imageOf } from "../pictures.js";
 import { post, request } from "../service.js";
 import { borderOf } from "./overlay.js";
 
+const SHOWN_PX = Math.min(1200, Math.round(600 * devicePixelRatio)); // a page of the strip is 300 to 540 px wide
+
 /** Options of an answer whose picture the strip shows. */
-export const SHOWN = { format: "json", embed_format: "jpeg", max_width: 1200, max_height: 1700 };
+export const SHOWN = { format: "json", embed_format: "jpeg", max_width: SHOWN_PX, max_height: Math.round(1.42 * SHOWN_PX) };
 
 const rounded = (points) => points.map(([x, y]) => [Math.round(x * 10) / 10, Math.round(y * 10) / 10]);
 
@@ -34,7 +36,7 @@ export const shown = (result) => ({
 export class Kept {
   /** `pages` is a `Pages`. */
   constructor(pages) {
-    Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, changes: new Map(), readings: new Map() });
+    Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, ahead: 0, changes: new Map(), readings: new Map() });
   }
 
   /**
@@ -69,7 +71,7 @@ export class Kept {
   /** Reads pages that are flat and not read yet, some at once, so that a searchable file is made quickly. */
   async readAhead() {
     if (!this.canRead || !this.pages.isHere) return;
-    const room = this.atOnce - this.busy - this.readings.size; // `busy` of the workers flatten
+    const room = this.atOnce + this.ahead - this.busy - this.readings.size; // `busy` of the workers flatten
     const begun = this.unread().slice(0, Math.max(this.readings.size ? 0 : 1, room));
     await Promise.all(begun.map((page) => this.read(page).then(() => this.readAhead())));
   }
@@ -77,10 +79,12 @@ export class Kept {
   /** Resolves when changes that are under way are done, and all pages are read where `isRead`. */
   async settled(isRead) {
     await Promise.all(this.changes.values());
+    this.ahead = 1; // one more is asked for while the workers read: nobody waits for anything else
     while (isRead && this.canRead && (this.readings.size || this.unread().length)) {
       this.readAhead();
       await Promise.race(this.readings.values());
     }
+    this.ahead = 0;
   }
 
   unread() {
@@ -133,8 +137,10 @@ export class Kept {
 
   /** Deletes a page, here and in the service. */
   async remove(page) {
-    const { id, job } = page;
+    const { id, job, ids } = page;
     await this.pages.remove(page);
+    const used = this.pages.list.flatMap((one) => [one.id, ...(one.ids ?? [])]);
+    await this.forget((ids ?? []).filter((one) => !used.includes(one)).map((one) => ({ page_id: one })));
     if (id) await this.forget([{ page_id: id }]);
     else if (job) await request("DELETE", `jobs/${job.id}`).catch(() => {});
   }

@@ -1,11 +1,13 @@
 // A page in the strip: its picture, its state, and what a person may say about it.
 
 import { button, checkbox, make, select } from "../elements.js";
-import { showImage } from "../pictures.js";
+import { showImage, thumbnailOf } from "../pictures.js";
 import { drawPlaces, emptyDrawing } from "./overlay.js";
 import { filesKeyOf } from "./pages.js";
 import { filesOf } from "./storage.js";
 import { LOOKS, problemText, stateText, warningsOf } from "./words.js";
+
+const PHOTO_PX = 512; // height of the photo's small picture: twice as many as it is shown with
 
 /** A small button with a sign; its name is `text`. */
 function sign(mark, text, action) {
@@ -13,7 +15,7 @@ function sign(mark, text, action) {
 }
 
 export class PageItem {
-  /** `act` has what the buttons do: corners, rotate, both, look, lookForAll, move, remove, view, again, addTo. */
+  /** `act` has what the buttons do: corners, rotate, both, join, look, lookForAll, move, remove, view, again, addTo. */
   constructor(page, act) {
     Object.assign(this, { page, shownPicture: null });
     this.title = make("h2", { tabindex: "-1" });
@@ -29,12 +31,14 @@ export class PageItem {
     this.corners = button("Corners", () => act.corners(page));
     this.rotate = button("Rotate", () => act.rotate(page));
     this.both = button("Both pages", () => act.both(page));
+    this.join = button("Join with next", () => act.join(page));
+    this.join.title = "This photo and the next one show parts of one large page";
     this.open = button("View", () => act.view(page));
     this.again = button("Try again", () => act.again(page));
     this.more = make("label", { class: "more" }, "Add parts ", this.chooser(page, act));
     this.earlier = sign("\u2190", "Move earlier", () => act.move(page, -1));
     this.later = sign("\u2192", "Move later", () => act.move(page, 1));
-    this.tools = make("div", { class: "row page-tools" }, this.corners, this.rotate, this.open, this.both, this.again, this.more);
+    this.tools = make("div", { class: "row page-tools" }, this.corners, this.rotate, this.open, this.both, this.join, this.again, this.more);
     this.lookRow = make("div", { class: "look" }, make("label", { for: this.look.id }, "Look"), this.look, this.forAll);
     const order = make("div", { class: "row page-tools order" }, this.earlier, this.later, button("Remove", () => act.remove(page), "quiet"));
     const head = make("div", { class: "page-head" }, this.title, this.state);
@@ -63,6 +67,7 @@ export class PageItem {
     this.corners.hidden = !isReady || isJoined;
     this.rotate.hidden = this.lookRow.hidden = this.open.hidden = !isReady;
     this.both.hidden = !isReady || page.kind !== "page" || Boolean(page.part);
+    this.join.hidden = !isReady || number === count || Boolean(page.part);
     this.again.hidden = page.state !== "failed";
     this.more.hidden = !isJoined || page.state === "working";
     this.look.value = page.look;
@@ -127,9 +132,10 @@ export class PageItem {
     this.photoNames = String(page.names);
     const files = page.picture ? [] : await filesOf(filesKeyOf(page));
     const shown = files.map(async (file, index) => {
-      const picture = make("img", { alt: files.length > 1 ? `Photo ${index + 1}` : "Photo" });
-      await showImage(picture, file);
-      return make("li", {}, picture.naturalWidth ? picture : make("span", { class: "blank" }, `Photo ${index + 1}`));
+      const picture = await thumbnailOf(file, PHOTO_PX, () => !page.picture);
+      picture?.setAttribute("role", "img");
+      picture?.setAttribute("aria-label", files.length > 1 ? `Photo ${index + 1}` : "Photo");
+      return make("li", {}, picture ?? make("span", { class: "blank" }, `Photo ${index + 1}`));
     });
     this.photos.replaceChildren(...(await Promise.all(shown)));
   }

@@ -10,6 +10,9 @@ const newKey = () => Array.from(crypto.getRandomValues(new Uint32Array(4)), (par
 /** The key of the files of a page: its own, or that of the page that came of the same file before. */
 export const filesKeyOf = (page) => page.filesKey ?? page.key;
 
+/** Ids of the kept photos of a page, null for those that the service does not keep. */
+const photoIdsOf = (page) => (page.kind === "joined" ? (page.ids ?? page.names.map(() => null)) : [page.id]);
+
 /**
  * A page is an object of
  * - `key`, `place` (its number in the order), `kind` ("page"; "spread": both pages of a book; "joined": of many photos),
@@ -18,6 +21,8 @@ export const filesKeyOf = (page) => page.filesKey ?? page.key;
  * - `part`: which part of its file it is, where that has several: "left" and "right" of a book, or "page 2", and `index`,
  *   its number in the answer about the file; `filesKey`: the key of its files, which all pages of a file share,
  * - `id` of the kept page, `picture` (a Blob), `facts` and `look`, once it is flat; `readIn`: the language of its text,
+ * - `ids`: of a joined page, those of its photos as of `photoIdsOf`; `sources`: keys of the pages that it is joined of,
+ *   until it is flat,
  * - `isChanging` while another picture of it is on its way, `turns`: quarter turns that its picture does not show yet
  *   (neither is stored).
  *
@@ -68,7 +73,18 @@ export class Pages extends EventTarget {
   async addTo(page, files) {
     const all = [...(await filesOf(filesKeyOf(page))), ...files];
     await storeFiles(filesKeyOf(page), all);
-    this.update(page, { names: all.map((file) => file.name), state: "waiting", problem: null, id: null, job: null });
+    const ids = [...photoIdsOf(page), ...files.map(() => null)];
+    this.update(page, { ids, names: all.map((file) => file.name), state: "waiting", problem: null, id: null, job: null });
+  }
+
+  /** Adds one page that is joined of two, behind them. They go when it is flat, so that nothing is lost if it fails. */
+  async join(page, other) {
+    const both = [page, other];
+    const key = newKey();
+    await storeFiles(key, (await Promise.all(both.map((one) => filesOf(filesKeyOf(one))))).flat());
+    const names = both.flatMap((one) => one.names);
+    const sources = both.map((one) => one.key);
+    return this.insertAfter(other, { key, kind: "joined", names, look: page.look, ids: both.flatMap(photoIdsOf), sources });
   }
 
   newPage(more) {

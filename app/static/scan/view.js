@@ -60,6 +60,7 @@ export function createView() {
     corners: (page) => editCorners(page, kept).catch((problem) => kept.refused(page, problem)),
     rotate: (page) => kept.change(page, (facts) => ({ rotate: (facts.rotation + 90) % 360 }), 1).then(() => work.start()),
     both: (page) => work.both(page),
+    join,
     look: setLook,
     lookForAll: ({ look }) => Promise.all(pages.list.filter((page) => page.state === "ready" && page.look !== look).map((page) => setLook(page, look))),
     move,
@@ -124,6 +125,14 @@ export function createView() {
     const pressed = by < 0 ? item.earlier : item.later;
     (pressed.disabled ? (by < 0 ? item.later : item.earlier) : pressed).focus();
     notify(`It is page ${pages.list.indexOf(page) + 1} now.`);
+  }
+
+  /** Joins the photos of a page and of the next one to one large page. */
+  async function join(page) {
+    const next = pages.list[pages.list.indexOf(page) + 1];
+    if (next?.state !== "ready" || next.part) return notify("The next page is not ready to be joined.");
+    await pages.join(page, next);
+    return work.start();
   }
 
   async function remove(page) {

@@ -9,6 +9,7 @@ export const AGAIN_MS = 5000; // pause before what waits for the service is trie
 const LATER = ["busy", "not-ready", "unreachable", "too-many-requests"]; // refusals that end by themselves
 const HAS_PAGES = /\.(pdf|tiff?)$/i; // files that may hold several pages: these are numbered
 const isFlat = (result) => Boolean(result.mesh || result.patches);
+const hasKeptPhotos = (page) => Boolean(page.former || page.ids?.some(Boolean));
 const KEY = ["unauthorized", "forbidden"]; // refusals that end with another key
 
 export class Work {
@@ -48,7 +49,8 @@ export class Work {
     try {
       await this.receive(page, await (await this.answerFor(page)).json());
     } catch (error) {
-      this.refused(page, error);
+      if (error.code === "not-found" && hasKeptPhotos(page)) this.sendAgain(page);
+      else this.refused(page, error);
     } finally {
       this.running.delete(page);
       this.start();
@@ -73,19 +75,24 @@ export class Work {
 
   async formOf(page) {
     const files = await filesOf(filesKeyOf(page));
-    if (!files.length) throw new Problem({ code: "photo-gone" });
     const form = new FormData();
-    const { name } = files[0];
+    const [name] = page.names;
     const options = { ...SHOWN, keep_photo: "true", illumination: page.look, title: name };
     if (page.kind !== "joined") Object.assign(options, { on_no_text: "keep", pages: page.kind === "spread" ? "both" : "main" });
-    for (const file of files) form.append(page.kind === "joined" ? "images" : "image", file, file.name);
+    const ids = page.kind === "joined" ? page.ids : page.former && [page.former];
+    page.names.forEach((_, index) => {
+      const isKept = ids?.[index];
+      if (!isKept && !files[index]) throw new Problem({ code: "photo-gone" });
+      if (isKept) form.append("kept_page", ids[index]);
+      else form.append(page.kind === "joined" ? "images" : "image", files[index], files[index].name);
+    });
     for (const [option, value] of Object.entries(options)) form.append(option, value);
     return form;
   }
 
   async receive(page, answer) {
     const results = answer.pages ?? [answer];
-    const { kind, names, look, former } = page;
+    const { kind, names, look, former, sources } = page;
     const wanted = page.part ? [results[page.index] ?? {}] : results; // the other parts are in the strip already
     await this.kept.forget(results.filter((result) => !wanted.includes(result)));
     if (!wanted.some(isFlat)) throw new Problem(wanted[0].problem ?? {});
@@ -93,15 +100,21 @@ export class Work {
     const sides = kind === "spread" && !HAS_PAGES.test(names[0]) ? ["left", "right"] : [];
     const partOf = (index) => (results.length > 1 ? { index, part: sides[index] ?? `page ${index + 1}` } : {});
     const outcomeOf = (result) => (isFlat(result) ? { ...shown(result), id: result.page_id, state: "ready" } : { problem: result.problem, state: "failed" });
-    const become = (result) => ({ ...outcomeOf(result), ...partOf(results.indexOf(result)), job: null, former: null });
+    const become = (result) => ({ ...outcomeOf(result), ...partOf(results.indexOf(result)), job: null, former: null, sources: null });
     for (const result of wanted.slice(1).reverse()) {
       await this.pages.insertAfter(page, { kind, names, look, filesKey: filesKeyOf(page), ...become(result) });
     }
     await this.pages.update(page, become(wanted[0]));
+    for (const source of this.pages.list.filter(({ key }) => sources?.includes(key))) await this.pages.remove(source);
     return former && this.kept.forget([{ page_id: former }]);
   }
 
-  /** Makes two pages of a photo that shows both pages of a book. Only in the photo are both, so it is sent again. */
+  /** What the service no longer keeps is sent as files. */
+  sendAgain(page) {
+    this.pages.update(page, { former: null, ids: page.ids?.map(() => null) ?? null, state: "waiting" });
+  }
+
+  /** Makes two pages of a photo that shows both pages of a book: of the photo that the service keeps. */
   both(page) {
     this.pages.update(page, { kind: "spread", state: "waiting", problem: null, job: null, former: page.id });
     this.resume();

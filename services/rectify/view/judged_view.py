@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.arrays import Points, RgbImage
+from services.arrays import Floats, Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
 from services.geometry.page_frame import Frame, restore_detail
 from services.notices import Notice
@@ -90,6 +90,23 @@ def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop, effort: Effort = W
     By a brief `effort` it is cut at the outline alone, and how flat it is is not measured.
     """
     boxes = sheet_print(page)
+    frame, white = frame_view(photo, page, crop, boxes, effort)
+    kept = kept_print(frame, boxes, white)
+    size = (photo.shape[1], photo.shape[0])
+    return JudgedView(
+        page,
+        frame,
+        white,
+        None if effort.is_brief else measure_flatness(page, frame),
+        share_kept(boxes, kept),
+        print_notices(boxes, kept, size, page.text_height_px),
+    )
+
+
+def frame_view(
+    photo: RgbImage, page: ShapedPage, crop: Crop, boxes: Floats, effort: Effort = WHOLE
+) -> tuple[Frame, Points | None]:
+    """Frame and paper of the view of `page`, as of `JudgedView`; `boxes` are its `sheet_print`."""
     end = find_paper_end(page, crop, boxes)
     frame = page.frame(end.reach, crop)
     pixels = photo.shape[0] * photo.shape[1]
@@ -101,16 +118,7 @@ def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop, effort: Effort = W
         frame = grow_to_print(frame, boxes, page.text_height_px)
         if not effort.is_brief:
             frame = restore_detail(frame, pixels, page.characters, page.text_height_px)
-    kept = kept_print(frame, boxes, end.white)
-    size = (photo.shape[1], photo.shape[0])
-    return JudgedView(
-        page,
-        frame,
-        end.white,
-        None if effort.is_brief else measure_flatness(page, frame),
-        share_kept(boxes, kept),
-        print_notices(boxes, kept, size, page.text_height_px),
-    )
+    return frame, end.white
 
 
 def _between_corners(frame: Frame, page: ShapedPage, corners: Points, crop: Crop, photo_pixels: int) -> Frame:

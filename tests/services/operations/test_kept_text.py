@@ -1,6 +1,7 @@
 """The text of kept pages: read once, on the part that the page shows, in the language that is asked for."""
 
 import io
+import zipfile
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +17,7 @@ from services.errors import NoText
 from services.imaging.codec import encode_image
 from services.imaging.page_images import PagePicture
 from services.ocr.engine import Word
-from services.operations import kept_text
+from services.operations import kept_pages, kept_text
 from services.operations.kept_pages import bind_kept_pages, render_kept_page
 from services.operations.mosaic import mosaic_uploads
 from services.operations.rectify import describe_page
@@ -93,6 +94,34 @@ def test_files_have_the_text_only_where_it_is_asked_for(readings: list[Any]) -> 
             fonts.append("/Font" in document.pages[0].get("/Resources", {}))
     assert fonts == [True, False]
     assert len(readings) == 1
+
+
+def test_a_file_takes_the_picture_as_it_is_kept(readings: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of an answer of usual quality, as long as a page is shown as it was found."""
+    _, kept = render(kept_page())
+    with zipfile.ZipFile(io.BytesIO(kept.bundle)) as bundle:
+        picture = bundle.read("picture.jpg")
+    drawn: list[object] = []
+    draw = kept_pages.draw_kept
+    monkeypatch.setattr(kept_pages, "draw_kept", lambda *given: drawn.append(given) or draw(*given))
+    file = bind_kept_pages([kept, kept], Encoding("pdf", pages_format="pdf"), ENGLISH)
+    with pikepdf.open(io.BytesIO(file.body)) as document:
+        pictures = [next(iter(page.Resources.XObject.values())) for page in document.pages]
+        assert [each.read_raw_bytes() for each in pictures] == [picture] * 2
+        assert all("/Font" in page.get("/Resources", {}) for page in document.pages)
+    assert not drawn
+    assert file.answer.pages[0].width == 80  # type: ignore[union-attr]
+    others = (Encoding("pdf", quality=50), Encoding("pdf", max_width=40), Encoding("tiff"))
+    for encoding in others:
+        bind_kept_pages([kept], encoding, ENGLISH)
+    _, turned = render(kept, rotate=180)
+    _, gray = render(kept, illumination="gray")
+    _, even = render(kept, illumination="normalize")
+    before = len(drawn)
+    for page in (turned, gray, even):
+        bind_kept_pages([page], Encoding("pdf"), ENGLISH)
+    assert len(drawn) == before + len((turned, gray, even))
+    assert before == len(others) + len((turned, gray, even)), "what differs is drawn"
 
 
 @pytest.mark.usefixtures("mosaic_pipeline")
