@@ -28,8 +28,13 @@ OF_SHORTCUT = {
     "/rectify/pages": "json",
 }
 """Formats of the operations whose answer is of one type."""
-DOCUMENT = create_app(Settings(api_keys=()), OPERATIONS).openapi()
-schema = schemathesis.openapi.from_dict(DOCUMENT)
+documented = schemathesis.pytest.from_fixture("document")
+
+
+@pytest.fixture(scope="module")
+def document() -> schemathesis.schemas.BaseSchema:
+    """Read when the test runs: by `parametrize` of the document itself every process makes all cases to collect."""
+    return schemathesis.openapi.from_dict(create_app(Settings(api_keys=()), OPERATIONS).openapi())
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +46,7 @@ def base_url() -> Iterator[str]:
         yield str(client.base_url)
 
 
-@schema.parametrize()
+@documented.parametrize()
 @settings(
     max_examples=repeats(8, 40), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )
