@@ -71,6 +71,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             import_module(".".join(path.relative_to(ROOT.parent).with_suffix("").parts))
 
 
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Long values are named by their beginning: processes send names to and fro, and hostile files are megabytes."""
+    return ascii(val[:60]) if isinstance(val, str | bytes) and len(val) > 200 else None
+
+
 def pytest_collection_finish() -> None:
     """From now on garbage is looked for, but not among what modules and tests hold to the end."""
     gc.enable()
