@@ -18,6 +18,7 @@ from tests.end_to_end.accessibility import HAS_AXE
 from tests.end_to_end.browser import CHROMIUM
 from tests.end_to_end.openapi_generator import HAS_GENERATOR
 from tests.end_to_end.typescript import HAS_TYPESCRIPT
+from tests.fork_server import load_for_workers
 from tests.models.databases import KINDS
 from tests.services.scenes import Album
 
@@ -54,6 +55,7 @@ def _is_left_out(path: Path, config: pytest.Config) -> bool:
 def pytest_configure() -> None:
     """While tests are collected nothing goes that was made, and looking for it took a third of the time."""
     gc.disable()
+    load_for_workers()
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
