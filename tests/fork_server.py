@@ -1,7 +1,6 @@
 """The server that processes of tests are forked from: it has loaded what any of them imports."""
 
 import multiprocessing
-from collections.abc import Iterable
 
 from services.contract.operations import Operations
 
