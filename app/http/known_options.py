@@ -11,10 +11,10 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from starlette.datastructures import UploadFile
 
+from app.http.form_parts import LONGEST_NAME
 from app.http.paths import PathTemplates
 from services.errors import InvalidOption
 
-_LONGEST_NAME = 80
 Form = TypeVar("Form", bound=BaseModel)
 
 
@@ -33,7 +33,7 @@ def known_parts(model: type[BaseModel], once: str = "") -> Any:
             return  # not multipart/form-data, or no file at all; validation says what is missing
         counts = Counter(name for name, _ in form.multi_items())
         for name, part in form.multi_items():
-            shown = name[:_LONGEST_NAME]
+            shown = name[:LONGEST_NAME]
             is_file = isinstance(part, UploadFile)
             if name not in kinds:
                 raise InvalidOption(f"{shown}: {_advice(name, is_file, files, list(kinds))}", shown)
@@ -71,7 +71,7 @@ def _advice(name: str, is_file: bool, files: list[str], names: list[str]) -> str
 
 def no_such_option(name: str, names: Sequence[str], listed: Sequence[str] | None = None) -> str:
     """That an option is unknown, with the one of `names` that is meant, or all that are `listed` (None: all)."""
-    similar = get_close_matches(name[:_LONGEST_NAME], names, 1)
+    similar = get_close_matches(name[:LONGEST_NAME], names, 1)
     if similar:
         return f"there is no such option; did you mean `{similar[0]}`?"
     return f"there is no such option. The options are {', '.join(names if listed is None else listed)}."
@@ -121,7 +121,7 @@ class KnownQueryOptions:
             return
         counts = Counter(name for name, _ in request.query_params.multi_items())
         for name, count in counts.items():
-            shown = name[:_LONGEST_NAME]
+            shown = name[:LONGEST_NAME]
             if name not in known:
                 other = (
                     f"The query options of this path are: {', '.join(known)}."
