@@ -18,11 +18,8 @@ from services.errors import InvalidOption
 Form = TypeVar("Form", bound=BaseModel)
 
 
-def known_parts(model: type[BaseModel], once: str = "") -> Any:
-    """Dependency of a route: the form has only parts that `model` has, and each of them once unless it is a list.
-
-    `once` is added to the error about a file part that was sent twice.
-    """
+def known_parts(model: type[BaseModel]) -> Any:
+    """Dependency of a route: the form has only parts that `model` has, and each of them once unless it is a list."""
     kinds = {name: set(_kinds(field.annotation)) for name, field in model.model_fields.items()}
     files = [name for name, kind in kinds.items() if UploadFile in kind]
     needs_file = any(model.model_fields[name].is_required() for name in files)
@@ -38,10 +35,7 @@ def known_parts(model: type[BaseModel], once: str = "") -> Any:
             if name not in kinds:
                 raise InvalidOption(f"{shown}: {_advice(name, is_file, files, list(kinds))}", shown)
             if counts[name] > 1 and list not in kinds[name]:
-                advice = once if UploadFile in kinds[name] else ""
-                raise InvalidOption(
-                    f"{name}: this part was sent {counts[name]} times; send it once. {advice}".rstrip(), name
-                )
+                raise InvalidOption(f"{name}: this part was sent {counts[name]} times; send it once.", name)
             if is_file and UploadFile not in kinds[name]:
                 raise InvalidOption(f"{name}: this option is a text field; send it without a filename.", name)
 
