@@ -18,7 +18,7 @@ from services.mosaic.placing.joint_sheet import (
     COLUMNS,
     LEFT_BY_MATCHING,
     MOST_LEFT,
-    NO_WORSE,
+    THIN,
     JointSheet,
     measure_apart,
 )
@@ -37,11 +37,9 @@ from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
 from services.sheet.ridged.views import OtherCamera
 from services.sheet.shared_fit import SeenPart, SharedPoints, fit_shared_sheet
 from services.sheet.shared_sheet import SharedSheet, camera_of, hold_camera, unit_of
-from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
+from services.sheet.tracing.line_tracing import NO_WORSE, STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
 
-THIN = 200
-"""Characters of a photo that its camera is found by."""
 MARGIN = 0.12
 """The bend continues beyond the text by this share of the sheet's width."""
 MOST_BENDS = 30
