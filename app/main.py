@@ -229,8 +229,8 @@ def _add_routes(app: FastAPI, settings: Settings) -> None:
         if router is layout.router:
             # The limit of one field must be reached before that of all fields, because its message names the field.
             spare = settings.max_zones_bytes + MAX_FIELD_BYTES
-            # The form accepts more files than MAX_PAGES, so that the error is about pages and not about the form.
-            files = max(layout.FEWEST_FILES, 2 * settings.max_pages)
+            # The form accepts more files than a stack may have pages: the error is about pages, not about the form.
+            files = max(layout.FEWEST_FILES, 2 * settings.max_pages, 2 * settings.max_stack_pages)
             app.include_router(router, form_limits={"max_part_size": spare, "max_files": files})
         else:
             app.include_router(router)

@@ -85,6 +85,12 @@ class Settings(BaseSettings):
         description="Largest request body of /layout and /rectify: 20 scans of 4.8 MiB.",
     )
     max_pages: int = Field(default=20, ge=1, description="Most pages of a document.")
+    max_stack_pages: int = Field(
+        default=60,
+        ge=1,
+        description="Most pages of a stack (`split=true`). Each may have the megapixels and take the time that the "
+        "limits of a document leave each of MAX_PAGES.",
+    )
     max_document_megapixels: float = Field(
         default=200.0,
         gt=0,

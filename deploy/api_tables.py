@@ -45,6 +45,7 @@ BEYOND = {
     "max_mosaic_megapixels": "`too-large`",
     "max_document_upload_bytes": "`too-large`",
     "max_pages": "`too-large`",
+    "max_stack_pages": "`too-large`",
     "max_document_megapixels": "`too-large`",
     "max_zones": "`invalid-option`",
     "max_zones_bytes": "`too-large`",

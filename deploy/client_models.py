@@ -21,7 +21,15 @@ ROOT = Path(__file__).parent.parent
 PYTHON = ROOT / "clients" / "python" / "document_rectification_client" / "models.py"
 TYPESCRIPT = ROOT / "clients" / "typescript" / "src" / "models.ts"
 OPENAPI_TYPESCRIPT = ROOT / "tests" / "end_to_end" / "node_modules" / ".bin" / "openapi-typescript"
-ANSWERS = ("PlainPagesResult", "PlainMosaicResult", "LayoutResult", "DocumentResult", "JobStatus", "Problem")
+ANSWERS = (
+    "PlainPagesResult",
+    "PlainMosaicResult",
+    "LayoutResult",
+    "DocumentResult",
+    "StackResult",
+    "JobStatus",
+    "Problem",
+)
 """What the clients answer; whatever these have in them comes along."""
 OPTIONS = {
     "RectifyOptions": "RectifyForm",

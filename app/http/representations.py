@@ -331,6 +331,16 @@ def layout_headers(answer: LayoutResult | DocumentResult, drawn: DrawnPage | Non
     return headers | _notices(said) | _stages(answer.timings_ms)
 
 
+def stack_headers(documents: Sequence[DocumentResult]) -> dict[str, str]:
+    """Headers of the answer about a stack: the classes of its documents in their order, and all their warnings."""
+    said = [
+        *(warning for document in documents for warning in document.warnings),
+        *(warning for document in documents for page in document.pages for warning in page.warnings),
+    ]
+    names = ", ".join("null" if document.class_ is None else document.class_.name for document in documents)
+    return {"Vary": "Accept", "Document-Class": names} | _notices(said)
+
+
 def _notices(warnings: Sequence[Warning]) -> dict[str, str]:
     codes = dict.fromkeys(warning.code for warning in warnings)  # without repetitions
     return {"Document-Warnings": ", ".join(codes)}

@@ -12,17 +12,31 @@ from services.contract.images import AnswerFormat, DocumentLimits
 from services.errors import TooLarge, UnsupportedMediaType
 
 
-async def document_time_limit(images: Sequence[UploadFile], settings: Settings) -> TimeLimit | None:
+async def document_time_limit(
+    images: Sequence[UploadFile], settings: Settings, *, split: bool = False
+) -> TimeLimit | None:
     """Time limit of documents if the images may have several pages; None: the engine's default."""
     if len(images) > 1 or any([await _may_have_pages(image) for image in images]):
-        return TimeLimit(settings.document_timeout_s, "DOCUMENT_TIMEOUT_S")
+        longer = _stack_share(settings) if split else 1.0
+        return TimeLimit(settings.document_timeout_s * longer, "DOCUMENT_TIMEOUT_S")
     return None
 
 
-def document_limits(settings: Settings) -> DocumentLimits:
-    """Limits of a document; one file may be a whole document, so it may be as large as the whole body."""
+def document_limits(settings: Settings, *, split: bool = False) -> DocumentLimits:
+    """Limits of a document; one file may be a whole document, so it may be as large as the whole body.
+
+    With `split` those of a stack: every page may have as much as a page of the largest document.
+    """
     image = replace(settings.image_limits, max_bytes=settings.max_document_upload_bytes)
+    if split:
+        together = settings.max_document_megapixels * _stack_share(settings)
+        return DocumentLimits(image, settings.max_stack_pages, together, "stack")
     return DocumentLimits(image, settings.max_pages, settings.max_document_megapixels)
+
+
+def _stack_share(settings: Settings) -> float:
+    """How many of the largest documents the largest stack is, at least one."""
+    return max(1.0, settings.max_stack_pages / settings.max_pages)
 
 
 async def check_photos(images: Sequence[UploadFile], settings: Settings) -> None:

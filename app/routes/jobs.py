@@ -28,6 +28,7 @@ _JSON_RESULTS = [
         "MosaicResult",
         "LayoutResult",
         "DocumentResult",
+        "StackResult",
         "InitializedModel",
         "TrainedModel",
         "Proposals",

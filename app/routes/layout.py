@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
@@ -18,6 +18,7 @@ from app.http.representations import (
     content_disposition,
     file_name,
     layout_headers,
+    stack_headers,
 )
 from app.learning.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.review.decisions import tolerated_errors_of
@@ -29,15 +30,18 @@ from app.schemas.layout import LayoutForm, parse_names, stored_form, stored_whol
 from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
 from app.state import AppState, State
-from services.contract.answers.layout import DocumentResult, LayoutResult
+from services.contract.answers.layout import DocumentResult, LayoutResult, StackResult
 from services.contract.layout import (
     MEDIA_TYPES,
+    DocumentPage,
     DocumentReply,
     LayoutFormat,
     LayoutOptions,
+    LayoutReply,
     LayoutSettings,
+    StackReply,
 )
-from services.errors import InvalidOption, TooLarge
+from services.errors import InvalidOption, NotAcceptable, TooLarge
 from services.progress import ProgressSink
 
 router = APIRouter(tags=["layout"], route_class=FormRoute)
@@ -83,7 +87,7 @@ HEADERS = {
         200: {
             "description": "Class and labels, as JSON, as PAGE-XML or ALTO (application/xml; several pages give an "
             "archive of such files), as HTML, or drawn on the page.",
-            "model": LayoutResult | DocumentResult,
+            "model": LayoutResult | DocumentResult | StackResult,
             "content": OTHER_CONTENT,
             "headers": HEADERS,
         },
@@ -122,11 +126,16 @@ async def layout(
     The response for several pages is a `DocumentResult`. A model whose settings say that it `continues` a class
     describes later pages of that class's documents. The chosen class is the one whose models together fit all pages
     best.
+
+    With `split=true` the pages are a stack, and the answer is a `StackResult`: documents in their order, each stored as
+    a result of its own. Samples of first and of later pages of a class tell where its documents begin.
     """
     form = with_format(form, format)
     settings, caller = state.settings, caller_of(request)
-    check_parts(form, settings.max_pages)
+    check_parts(form, settings)
     chosen = choose_described_format(form.format, request.headers.get("accept"), MEDIA_TYPES)
+    if form.split and chosen != "json":
+        _refuse_format(named=form.format is not None)
     images = form.image or []
     check_not_empty(images)
     names = [file_name(image.filename) for image in images]
@@ -135,7 +144,7 @@ async def layout(
     models = await state.store.ready_models(None if form.models is None else parse_names(form.models))
     zones = zones_upload(form.zones, "zones", settings.max_zones_bytes)
     zones_file = zones_upload(form.zones_file, "zones_file", settings.max_zones_file_bytes)
-    time_limit = await document_time_limit(images, settings)
+    time_limit = await document_time_limit(images, settings, split=form.split)
     keeps_image = bool(images) and (settings.keep_images if form.keep_image is None else form.keep_image)
 
     async def work(progress: ProgressSink | None) -> Response:
@@ -157,14 +166,17 @@ async def layout(
                 format_named=form.format is not None,
                 keep_image_bytes=settings.max_kept_image_bytes if keeps_image else 0,
                 language=language,
+                split=form.split,
             ),
-            _limits(settings),
+            _limits(settings, split=form.split),
             time_limit=time_limit,
             progress=progress,
         )
         request.state.seat.release()
-        for page in reply.pages if isinstance(reply, DocumentReply) else (reply,):
+        for page in _pages_of(reply):
             await _decide(state, page.answer)
+        if isinstance(reply, StackReply):
+            return await _answer_stack(state, reply, names, caller.name)
         if isinstance(reply, DocumentReply):
             return await _answer_document(state, reply, chosen, names, caller.name)
         result = reply.answer
@@ -182,6 +194,20 @@ async def layout(
     return await answer_now_or_later(request, state, work)
 
 
+def _pages_of(reply: LayoutReply | DocumentReply | StackReply) -> Sequence[LayoutReply | DocumentPage]:
+    if isinstance(reply, StackReply):
+        return [page for document in reply.documents for page in document.pages]
+    return reply.pages if isinstance(reply, DocumentReply) else (reply,)
+
+
+async def _answer_stack(
+    state: AppState, reply: StackReply, names: Sequence[str | None], owner: str | None
+) -> Response:
+    """Store and answer the documents of a stack; `names` are those of the images."""
+    documents = [await _keep_document(state, document, names, owner) for document in reply.documents]
+    return await answer_json(lambda: StackResult(documents=documents), headers=stack_headers(documents))
+
+
 async def _answer_document(
     state: AppState,
     reply: DocumentReply,
@@ -190,8 +216,21 @@ async def _answer_document(
     owner: str | None,
 ) -> Response:
     """Store and answer a document; `names` are those of the images."""
+    whole = await _keep_document(state, reply, names, owner)
+    headers = layout_headers(whole)
+    headers["Document-Result"] = f"/layout/results/{whole.id}"
+    if chosen != "json":
+        headers |= content_disposition(names[0], SUFFIXES[chosen], reply.media_type)
+        return Response(reply.body, media_type=reply.media_type, headers=headers)
+    return await answer_json(lambda: whole, headers=headers)
+
+
+async def _keep_document(
+    state: AppState, reply: DocumentReply, names: Sequence[str | None], owner: str | None
+) -> DocumentResult:
+    """The answer about a document that is now stored, with its id and its pages."""
     whole = reply.answer
-    whole.file_name = names[0]
+    whole.file_name = names[reply.pages[0].upload]
     for page in reply.pages:
         page.answer.file_name = names[page.upload]
     document = stored_whole(whole)
@@ -206,12 +245,7 @@ async def _answer_document(
         whole.pages.append(page.answer)
     pictures = {page_id: page.picture for page, page_id in zip(reply.pages, page_ids, strict=True)}
     await keep_pictures(state, whole.id, pictures)
-    headers = layout_headers(whole)
-    headers["Document-Result"] = f"/layout/results/{whole.id}"
-    if chosen != "json":
-        headers |= content_disposition(names[0], SUFFIXES[chosen], reply.media_type)
-        return Response(reply.body, media_type=reply.media_type, headers=headers)
-    return await answer_json(lambda: whole, headers=headers)
+    return whole
 
 
 async def _decide(state: AppState, result: LayoutResult) -> None:
@@ -223,12 +257,19 @@ async def _decide(state: AppState, result: LayoutResult) -> None:
     result.decision = await state.store.decision(result, tolerated)
 
 
-def _limits(settings: Settings) -> LayoutSettings:
+def _refuse_format(*, named: bool) -> NoReturn:
+    detail = "The documents of a stack are answered as json; each is a result of its own and has all formats."
+    if named:
+        raise InvalidOption(f"format: {detail}", "format")
+    raise NotAcceptable(detail)
+
+
+def _limits(settings: Settings, *, split: bool) -> LayoutSettings:
     """Limits of /layout: one file may be a whole document, so it may be as large as the whole body."""
-    return replace(layout_settings(settings), document=document_limits(settings))
+    return replace(layout_settings(settings), document=document_limits(settings, split=split))
 
 
-def check_parts(form: LayoutForm, max_pages: int) -> None:
+def check_parts(form: LayoutForm, settings: Settings) -> None:
     """Raise if the parts of the form do not fit together.
 
     Raises
@@ -244,11 +285,17 @@ def check_parts(form: LayoutForm, max_pages: int) -> None:
         )
     if form.zones is not None and form.zones_file is not None:
         raise InvalidOption("zones_file: send either zones or zones_file, not both.", "zones_file")
-    if len(images) > max_pages:
+    limits = document_limits(settings, split=form.split)
+    if len(images) > limits.max_pages:
+        setting = "MAX_STACK_PAGES" if form.split else "MAX_PAGES"
         raise TooLarge(
-            f"image: a document may have {max_pages} pages (MAX_PAGES); {len(images)} images were sent.",
+            f"image: a {limits.of} may have {limits.max_pages} pages ({setting}); {len(images)} images were sent.",
             "image",
         )
+    if form.split and has_zones:
+        raise InvalidOption("split: zones describe one page. Send images, a TIFF file or a PDF.", "split")
+    if form.split and form.page is not None:
+        raise InvalidOption("split: `page` names one page. Send one of the two.", "split")
     if has_zones and (len(images) > 1 or form.page is not None):
         field = "image" if len(images) > 1 else "page"
         raise InvalidOption(f"{field}: zones describe one page. Send them with one image.", field)

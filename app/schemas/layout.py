@@ -96,6 +96,10 @@ class LayoutForm(BaseModel):
     page: Annotated[int, Field(ge=1, le=MOST_PAGE)] | Absent = Field(
         default=None, description="Number, from 1, of the only page to recognize."
     )
+    split: Switch = Field(
+        default=False,
+        description="The pages are a stack of documents: find where each begins. The answer is JSON, a `StackResult`.",
+    )
     explain: Switch = Field(
         default=False,
         description="With JSON: list the terms of the cost, largest first, in `match.explanation`.",

@@ -1,9 +1,11 @@
-"""Documents of several pages: their class by all pages beside that of every page alone, and labels of later pages.
+"""Documents of several pages: their class by all pages beside that of every page alone, labels of later pages, stacks.
 
-python -m benchmarks layout_documents [--documents 12] [--samples 2 3 5 8]
+python -m benchmarks layout_documents [--documents 12] [--samples 2 3 5 8] [--stacks 20]
 
 Simulated letters, memos and papers of two publications, of 1 to 4 pages; models of so many simulated documents each,
-none of which is tested. Zones are the true ones.
+none of which is tested. Zones are the true ones. A stack is 10 to 30 pages of such documents in any order; its models
+are made of whole documents, later pages by all of them. *First pages' models*: without those of later pages. *A class
+unknown*: no model of letters. *Sure*: with a probability of 0.9 and more.
 """
 
 import argparse
@@ -16,14 +18,18 @@ import numpy as np
 from benchmarks.layout.part import share, table
 from services.layout.page import Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
-from services.layout.recognition.documents import class_of, recognize_document
+from services.layout.recognition.documents import DocumentParameters, class_of, recognize_document
 from services.layout.recognition.results import Recognition
+from services.layout.recognition.stack import part_stack
 from simulation.labelled_pages import DocumentKind, LabelledPage, document_pages
 
 KINDS: tuple[DocumentKind, ...] = get_args(DocumentKind)
 MOST_PAGES = 4
 FIRST_SAMPLE = 9000
 """Seeds of pages that models are made of start here."""
+FEWEST_OF_STACK, MOST_OF_STACK = 10, 30
+"""Pages of a stack."""
+SURE = 0.9
 LEFT_OF_FIRST_PAGE = 0.3
 """Share of the zones of a first page that is left where it is spoiled: a dark copy, a torn sheet."""
 Documents = list[tuple[DocumentKind, list[Page]]]
@@ -162,10 +168,77 @@ def report(documents: Documents, samples: Iterable[int]) -> str:
     return table("Classes of documents and labels of their pages", head, rows)
 
 
+def make_stack_models(samples: int) -> list[VersionedModel]:
+    """Of each kind a model of first pages, and one of all later pages, of documents of 1 to 4 pages."""
+    models = []
+    for kind in KINDS:
+        documents = [
+            [
+                page_of(page)
+                for page in document_pages(
+                    _rng(FIRST_SAMPLE + seed, kind), kind, 1 + seed % MOST_PAGES, draw=False
+                )
+            ]
+            for seed in range(samples)
+        ]
+        later = [page for document in documents for page in document[1:]]
+        models.append(VersionedModel(initialize_model(kind, [document[0] for document in documents]), 1))
+        models.append(VersionedModel(initialize_model(f"{kind}-continuation", later), 1, continues=kind))
+    return models
+
+
+def measure_stacks(documents: Documents, models: Sequence[VersionedModel], stacks: int) -> Counter[str]:
+    """Beginnings that were found, and not, in stacks of these documents in any order."""
+    counts: Counter[str] = Counter()
+    rng = np.random.default_rng(0)
+    for _ in range(stacks):
+        size, pages, begins = int(rng.integers(FEWEST_OF_STACK, MOST_OF_STACK + 1)), [], set()
+        for place in rng.permutation(len(documents)):
+            _, own = documents[int(place)]
+            if len(pages) + len(own) <= size:
+                begins.add(len(pages))
+                pages += own
+        parts = part_stack(pages, models, content_features().names, DocumentParameters())
+        found = set(parts.beginnings)
+        sure = {place for place, chance in enumerate(parts.probabilities) if max(chance, 1 - chance) >= SURE}
+        counts += Counter(
+            {
+                "pages": len(pages),
+                "beginnings": len(begins),
+                "missed": len(begins - found),
+                "wrong": len(found - begins),
+                "unsure": len(pages) - len(sure),
+                "sure and wrong": len(sure & (begins ^ found)),
+            }
+        )
+    return counts
+
+
+def report_stacks(documents: Documents, samples: Iterable[int], stacks: int) -> str:
+    """The figures as a table."""
+    head = ("samples", "models", "pages", "beginnings", "missed", "wrong", "unsure", "sure and wrong")
+    rows: list[Sequence[object]] = []
+    for few in samples:
+        models = make_stack_models(few)
+        sets = {
+            "all": models,
+            "first pages'": [model for model in models if model.continues is None],
+            "a class unknown": [model for model in models if not model.model.name.startswith("letter")],
+        }
+        for which, competing in sets.items():
+            counts = measure_stacks(documents, competing, stacks)
+            rows.append([few, which, *(counts[name] for name in head[2:])])
+    return table("Where the documents of a stack begin", head, rows)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks layout_documents", description=__doc__)
     parser.add_argument("--documents", type=int, default=12, help="of each kind")
     parser.add_argument("--samples", type=int, nargs="+", default=[2, 3, 5, 8], help="documents of a model")
+    parser.add_argument("--stacks", type=int, default=20)
     options = parser.parse_args(arguments)
-    print(report(make_documents(options.documents), options.samples))
+    documents = make_documents(options.documents)
+    print(report(documents, options.samples))
+    print()
+    print(report_stacks(documents, [few for few in options.samples if few > 2], options.stacks))
     return 0

@@ -61,12 +61,13 @@ class DocumentLimits:
     """Limits of a document of several pages: of each file and page, of their number, and of all together.
 
     `image.max_bytes` is that of one file, which may be a whole document. Pages are decoded one at a time, so
-    `max_megapixels` limits time, not memory; 20 pages of A4 at 300 dpi have 174.
+    `max_megapixels` limits time, not memory; 20 pages of A4 at 300 dpi have 174. `of` says what the pages are together.
     """
 
     image: ImageLimits = field(default_factory=ImageLimits)
     max_pages: int = 20
     max_megapixels: float = 200.0
+    of: Literal["document", "stack"] = "document"
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ MEDIA_TYPES: Mapping[LayoutFormat, str] = {
 
 @dataclass(frozen=True, slots=True)
 class LayoutOptions:
-    """Options of one recognition.
+    """Options of one recognition; with `split` the pages are a stack of documents.
 
     `image_name` is the name of the first upload; PAGE-XML, ALTO and HTML files contain it. `image_names` are the names
     of all uploads. `words` adds the words of every zone to JSON and XML. `page` selects one page of several, counted
@@ -53,6 +53,7 @@ class LayoutOptions:
     format_named: bool = True
     keep_image_bytes: int = 0
     language: str | None = None
+    split: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,3 +170,10 @@ class DocumentReply:
     media_type: str
     answer: DocumentResult
     pages: list[DocumentPage]
+
+
+@dataclass(frozen=True, slots=True)
+class StackReply:
+    """The recognized documents of a stack, in their order, as a worker returns them."""
+
+    documents: list[DocumentReply]

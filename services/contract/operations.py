@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 from services.contract.answers.proposals import Proposals
 from services.contract.images import PageReply
 from services.contract.kept_pages import RenderedPage
-from services.contract.layout import DocumentReply, LayoutReply, RenderedResults
+from services.contract.layout import DocumentReply, LayoutReply, RenderedResults, StackReply
 from services.contract.layout_learning import Adaptation, RevisedPage, TrainingReport
 from services.contract.layout_models import MeasuredSample, ModelDifference, ModelDraft
 from services.contract.page_json import SampleJson
@@ -41,7 +41,7 @@ class Operations:
     show_kept_photo: Operation[bytes] = Operation("services.operations.kept_pages:show_kept_photo")
     bind_done_pages: Operation[PageReply] = Operation("services.operations.rectify_documents:bind_done_pages")
     mosaic: Operation[PageReply] = Operation("services.operations.mosaic:mosaic_uploads")
-    recognize_layout: Operation[LayoutReply | DocumentReply] = Operation(
+    recognize_layout: Operation[LayoutReply | DocumentReply | StackReply] = Operation(
         "services.operations.layout_documents:recognize_uploads"
     )
     resize_kept_picture: Operation[bytes] = Operation("services.operations.kept_picture:resize_kept_picture")

@@ -129,15 +129,16 @@ def open_pages(
 
 def _check_together(pages: Sequence[PageSource], limits: DocumentLimits) -> None:
     if len(pages) > limits.max_pages:
+        setting = "MAX_PAGES" if limits.of == "document" else "MAX_STACK_PAGES"
         raise TooLarge(
-            f"image: a document may have {limits.max_pages} pages (MAX_PAGES), and this one has more; send fewer, "
+            f"image: a {limits.of} may have {limits.max_pages} pages ({setting}), and this one has more; send fewer, "
             "or say as `page` which one you want.",
             "image",
         )
     pixels = sum(page.pixels for page in pages)
     if len(pages) > 1 and pixels > limits.max_megapixels * 1e6:
         raise TooLarge(
-            f"image: the pages have {pixels / 1e6:.1f} megapixels together; the limit of a document is "
+            f"image: the pages have {pixels / 1e6:.1f} megapixels together; the limit of a {limits.of} is "
             f"{limits.max_megapixels:g} (MAX_DOCUMENT_MEGAPIXELS).",
             "image",
         )

@@ -32,6 +32,7 @@ from services.contract.layout import (
     LayoutSettings,
     ModelDocument,
     RenderedResults,
+    StackReply,
 )
 from services.contract.layout_learning import (
     Adaptation,
@@ -224,10 +225,11 @@ def recognize_layout(
     models: list[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
-) -> LayoutReply | DocumentReply:
+) -> LayoutReply | DocumentReply | StackReply:
     """Follow the script in the images, then answer as if the first model fitted, with what was asked.
 
-    Several images are pages of a document; `pages-N` in one of them makes N pages of it.
+    Several images are pages of a document; `pages-N` in one of them makes N pages of it. In a stack each image is a
+    document, and the second one is not sure to be.
     """
     field = "image[{}]" if len(images) > 1 else "image"
     verbs = [follow(image, field.format(index)) for index, image in enumerate(images)]
@@ -252,7 +254,7 @@ def recognize_layout(
     if options.rectify:
         flat = rectified_document(RectifyParameters(), Encoding(), None)
         document["page"] = {name: flat[name] for name in FlatPage.model_fields}
-    if len(uploads) < 2 or options.page is not None:
+    if not options.split and (len(uploads) < 2 or options.page is not None):
         drawn = DrawnPage(1.5, 1.25, 0, 60) if options.format == "png" else None
         return LayoutReply(body, media_type, _result(document), page, picture, drawn)
     names = ("class", "classes", "unknown_probability", "warnings", "timings_ms")
@@ -260,7 +262,16 @@ def recognize_layout(
     media_type = media_type if options.format in ("json", "html") else "application/zip"
     document |= {"part": "first" if models else None, "document_class": models[0].name if models else None}
     pages = [DocumentPage(_result(document), page, upload, picture) for upload in uploads]
+    if options.split:
+        return StackReply([_part_of_stack(whole, pages, upload) for upload in range(len(images))])
     return DocumentReply(body, media_type, whole, pages)
+
+
+def _part_of_stack(whole: DocumentResult, pages: list[DocumentPage], upload: int) -> DocumentReply:
+    answer = whole.model_copy(deep=True)
+    if upload == 1:
+        answer.warnings.append(Warning(code="unsure-beginning", detail="pages[0] may go on (0.30)."))
+    return DocumentReply(b"", "application/json", answer, [page for page in pages if page.upload == upload])
 
 
 def _result(document: dict[str, Any]) -> LayoutResult:

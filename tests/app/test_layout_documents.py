@@ -10,7 +10,7 @@ import pytest
 from app.schemas.layout import result_of
 from app.storage.layout_store import DATABASE
 from models.repository import Store
-from services.contract.answers.layout import DocumentResult
+from services.contract.answers.layout import DocumentResult, StackResult
 from services.contract.layout import DocumentReply, LayoutReply
 from tests.app.pools import named
 from tests.app.scripted import OPERATIONS, PAGE, model_document
@@ -25,7 +25,9 @@ MODEL = "/layout/models/letter"
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[httpx.Client]:
-    with serving(max_pages=5, max_document_upload_bytes=300_000, max_upload_bytes=200_000) as client:
+    with serving(
+        max_pages=5, max_stack_pages=7, max_document_upload_bytes=300_000, max_upload_bytes=200_000
+    ) as client:
         for name, label in (("letter", "sender"), ("letter-2", "page-number")):
             client.put(f"/layout/models/{name}", json=model_document(name, label)).raise_for_status()
         yield client
@@ -320,3 +322,44 @@ def test_settings_of_elements(client: httpx.Client, elements: dict[str, str]) ->
             client.patch(f"{MODEL}/settings", json={"elements": wrong}), 422, "invalid-option"
         )
         assert str(problem["field"]).startswith("elements")
+
+
+def test_a_stack_is_answered_as_its_documents(client: httpx.Client) -> None:
+    response = post(client, upload("pages-2"), upload(""), upload("pages-3"), split="true")
+    assert response.status_code == 200, response.text
+    answer = response.json()
+    assert list(answer) == ["documents"]
+    StackResult.model_validate(answer)
+    assert [len(document["pages"]) for document in answer["documents"]] == [2, 1, 3]
+    assert [document["file_name"] for document in answer["documents"]] == [f"page-{n}.png" for n in range(3)]
+    assert response.headers["document-class"] == "letter, letter, letter"
+    assert "unsure-beginning" in response.headers["document-warnings"]
+    for document in answer["documents"]:
+        assert client.get(f"/layout/results/{document['id']}").json() == document
+        for page in document["pages"]:
+            assert client.get(f"/layout/results/{page['id']}").json() == page
+
+
+def test_a_stack_may_have_more_pages_than_a_document(client: httpx.Client) -> None:
+    assert len(post(client, *[upload("")] * 7, split="true").json()["documents"]) == 7
+    problem = assert_problem(post(client, *[upload("")] * 8, split="true"), 413, "too-large")
+    assert "a stack may have 7 pages (MAX_STACK_PAGES)" in str(problem["detail"])
+    told = post(client, upload(""), split="true").json()["documents"][0]["warnings"][1]["detail"]
+    assert "max_pages=7, max_megapixels=280.0, of='stack'" in told
+
+
+@pytest.mark.parametrize(
+    ("data", "accept", "status", "code", "field"),
+    [
+        ({"split": "true", "format": "pagexml"}, "*/*", 422, "invalid-option", "format"),
+        ({"split": "true"}, "application/xml", 406, "not-acceptable", None),
+        ({"split": "true", "page": "2"}, "*/*", 422, "invalid-option", "split"),
+        ({"split": "true", "zones": "{}"}, "*/*", 422, "invalid-option", "split"),
+        ({"split": "perhaps"}, "*/*", 422, "invalid-option", "split"),
+    ],
+)
+def test_what_a_stack_cannot_be(
+    client: httpx.Client, data: dict[str, str], accept: str, status: int, code: str, field: str | None
+) -> None:
+    problem = assert_problem(post(client, upload(""), accept=accept, **data), status, code)
+    assert problem.get("field") == field

@@ -119,7 +119,7 @@ def test_the_form_of_a_layout_is_documented_field_by_field() -> None:
     fields = schemas["LayoutForm"]["properties"]
     assert list(fields) == [
         "image", "zones", "zones_file", "rectify", "ocr", "language", "models", "format", "keep_image", "page",
-        "explain", "words", "callback_url",
+        "split", "explain", "words", "callback_url",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["language"] == schemas["RectifyForm"]["properties"]["language"]

@@ -10,6 +10,7 @@ from document_rectification_client.models import (
     LayoutResult,
     PlainMosaicResult,
     PlainPagesResult,
+    StackResult,
 )
 from document_rectification_client.problems import ProblemError
 
@@ -25,5 +26,6 @@ __all__ = [
     "PlainMosaicResult",
     "PlainPagesResult",
     "ProblemError",
+    "StackResult",
     "calls",
 ]

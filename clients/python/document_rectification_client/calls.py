@@ -17,6 +17,7 @@ from document_rectification_client.models import (
     PlainMosaicResult,
     PlainPagesResult,
     RectifyOptions,
+    StackResult,
 )
 from document_rectification_client.reading import read
 
@@ -81,8 +82,8 @@ def mosaic_page(photos: Sequence[Photo], **options: Unpack[MosaicOptions]) -> Ca
 
 def layout(
     images: Sequence[Photo] = (), **options: Unpack[LayoutOptions]
-) -> Call[LayoutResult | DocumentResult]:
-    """Class and labels of a page; of several images, of the document and of its pages."""
+) -> Call[LayoutResult | DocumentResult | StackResult]:
+    """Class and labels of a page; of several images, of the document and of its pages; with `split`, of a stack."""
     return Call("/layout", _files("image", images), _fields({**options, "format": "json"}), _read_layout)
 
 
@@ -98,8 +99,10 @@ def read_file(response: httpx.Response) -> File:
     )
 
 
-def _read_layout(response: httpx.Response) -> LayoutResult | DocumentResult:
+def _read_layout(response: httpx.Response) -> LayoutResult | DocumentResult | StackResult:
     document = response.json()
+    if "documents" in document:
+        return read(StackResult, document)
     return read(DocumentResult, document) if "pages" in document else read(LayoutResult, document)
 
 

@@ -20,6 +20,7 @@ from document_rectification_client.models import (
     PlainMosaicResult,
     PlainPagesResult,
     RectifyOptions,
+    StackResult,
 )
 
 URL = "http://127.0.0.1:8000"
@@ -105,7 +106,7 @@ class Client:
         *,
         progress: Progress | None = None,
         **options: Unpack[LayoutOptions],
-    ) -> LayoutResult | DocumentResult:
+    ) -> LayoutResult | DocumentResult | StackResult:
         """Class and labels of a page; of several images, of the document and of its pages."""
         return self.answer(calls.layout(images, **options), progress)
 
@@ -215,7 +216,7 @@ class AsyncClient:
         *,
         progress: Progress | None = None,
         **options: Unpack[LayoutOptions],
-    ) -> LayoutResult | DocumentResult:
+    ) -> LayoutResult | DocumentResult | StackResult:
         """Class and labels of a page; of several images, of the document and of its pages."""
         return await self.answer(await asyncio.to_thread(calls.layout, images, **options), progress)
 

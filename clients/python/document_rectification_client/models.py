@@ -799,6 +799,13 @@ class Size:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class StackResult:
+    """The documents of a stack of pages, in their order; each is a result of its own."""
+
+    documents: list[DocumentResult]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Vector:
     """A direction in space."""
 
@@ -967,6 +974,8 @@ class LayoutOptions(TypedDict, total=False):
     setting KEEP_IMAGES (false, unless the operator has changed it)."""
     page: int | None
     """Number, from 1, of the only page to recognize."""
+    split: bool | None
+    """The pages are a stack of documents: find where each begins. The answer is JSON, a `StackResult`."""
     explain: bool | None
     """With JSON: list the terms of the cost, largest first, in `match.explanation`."""
     words: bool | None

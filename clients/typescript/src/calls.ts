@@ -8,6 +8,7 @@ import type {
   PlainMosaicResult,
   PlainPagesResult,
   RectifyOptions,
+  StackResult,
 } from "./models.js";
 
 /** A photo; a `File` has a name, too. */
@@ -57,7 +58,7 @@ export function mosaicPage(photos: Photo[], options: Given<Omit<MosaicOptions, "
 }
 
 /** Class and labels of a page; of several images, of the document and of its pages. */
-export function layout(images: Photo[], options: Given<Omit<LayoutOptions, "format">> = {}): Call<LayoutResult | DocumentResult> {
+export function layout(images: Photo[], options: Given<Omit<LayoutOptions, "format">> = {}): Call<LayoutResult | DocumentResult | StackResult> {
   return { path: "/layout", form: form("image", images, { ...options, format: "json" }), read: readJson };
 }
 

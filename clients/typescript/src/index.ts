@@ -11,6 +11,7 @@ import type {
   PlainMosaicResult,
   PlainPagesResult,
   RectifyOptions,
+  StackResult,
 } from "./models.js";
 import { ProblemError, problemOf, retryAfter } from "./problems.js";
 
@@ -82,7 +83,7 @@ export class Client {
   }
 
   /** Class and labels of a page; of several images, of the document and of its pages. */
-  layout(images: Photo[], options?: Given<Omit<LayoutOptions, "format">>, progress?: Progress, signal?: AbortSignal): Promise<LayoutResult | DocumentResult> {
+  layout(images: Photo[], options?: Given<Omit<LayoutOptions, "format">>, progress?: Progress, signal?: AbortSignal): Promise<LayoutResult | DocumentResult | StackResult> {
     return this.answer(calls.layout(images, options), progress, signal);
   }
 

@@ -736,6 +736,10 @@ export interface components {
             width: number;
             height: number;
         };
+        /** @description The documents of a stack of pages, in their order; each is a result of its own. */
+        StackResult: {
+            documents: components["schemas"]["DocumentResult"][];
+        };
         /** @description A direction in space. */
         Vector: {
             x: number;
@@ -913,6 +917,8 @@ export interface components {
             keep_image?: boolean;
             /** @description Number, from 1, of the only page to recognize. */
             page?: number;
+            /** @description The pages are a stack of documents: find where each begins. The answer is JSON, a `StackResult`. */
+            split?: boolean;
             /** @description With JSON: list the terms of the cost, largest first, in `match.explanation`. */
             explain?: boolean;
             /** @description Add the words of every zone, each with its box and OCR confidence, to JSON, PAGE-XML and ALTO. */
@@ -977,6 +983,7 @@ export type Point = components['schemas']['Point'];
 export type Problem = components['schemas']['Problem'];
 export type ReadWord = components['schemas']['ReadWord'];
 export type Size = components['schemas']['Size'];
+export type StackResult = components['schemas']['StackResult'];
 export type Vector = components['schemas']['Vector'];
 export type Warning = components['schemas']['Warning'];
 export type RectifyOptions = components['schemas']['RectifyOptions'];

@@ -276,3 +276,9 @@ class DocumentResult(Answer):
     pages: list[LayoutResult]
     warnings: list[Warning]
     timings_ms: dict[str, float] = Field(description="Of each stage, all pages together.")
+
+
+class StackResult(Answer):
+    """The documents of a stack of pages, in their order; each is a result of its own."""
+
+    documents: list[DocumentResult]

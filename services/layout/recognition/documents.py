@@ -100,18 +100,18 @@ def place_again(
     The document keeps its class, which was decided by all its pages; labels are those of the class's newest models.
     A class that has no model any more is left, and the page placed as if it were alone.
     """
-    each = _gather(models).get(document_class)
+    each = gather_classes(models).get(document_class)
     if each is None or part is None:
         return place_page(recognition, models)
     place = 0 if part == "first" else 1
-    model = _model_of_page(place, _evidence(recognition, models, parameters.recognition), each)
+    model = _model_of_page(place, page_evidence(recognition, models, parameters.recognition), each)
     labelled = _label(recognition, model, content_names, parameters.recognition)
     fits = place == 0 or _fit(labelled, model, parameters.recognition) >= 0
     return PageInDocument(labelled if fits else replace(labelled, chosen=None), part, document_class)
 
 
 @dataclass(frozen=True, slots=True)
-class _Class:
+class ClassModels:
     """A class of documents: the model of its first page, and those of later ones."""
 
     first: VersionedModel
@@ -130,7 +130,7 @@ def recognize_document(
     The first page is the first one that has zones: the sheet before it may be blank. Continuation models do not compete
     for it, unless there are no others. `on_page` is called after every page that was matched.
     """
-    classes = _gather(models)
+    classes = gather_classes(models)
     first = next((index for index, page in enumerate(pages) if page.zones), None)
     seen: list[Recognition] = []
     for index, page in enumerate(pages):
@@ -139,7 +139,7 @@ def recognize_document(
         on_page(index)
     if first is None or not models:
         return DocumentRecognition(None, (), 0.0, tuple(PageInDocument(each, None, None) for each in seen))
-    evidence = [_evidence(each, models, parameters.recognition) for each in seen]
+    evidence = [page_evidence(each, models, parameters.recognition) for each in seen]
     among = softmax([_log_likelihood(evidence[first:], each, parameters) for each in classes.values()])
     best = list(classes)[int(np.argmax(among))]
     by_page = [_model_of_page(index - first, evidence[index], classes[best]) for index in range(len(pages))]
@@ -168,14 +168,14 @@ def recognize_document(
     return DocumentRecognition(matches[0] if is_known else None, tuple(matches), unknown, tuple(found))
 
 
-def _gather(models: Sequence[VersionedModel]) -> dict[str, _Class]:
+def gather_classes(models: Sequence[VersionedModel]) -> dict[str, ClassModels]:
     """Classes by name; continuation models whose class does not compete describe strangers only."""
     roots = {model.model.name: class_of(model.model.name, models) for model in models}
     firsts = [model for model in models if roots[model.model.name] == model.model.name]
     if not firsts:
-        return {model.model.name: _Class(model, ()) for model in models}
+        return {model.model.name: ClassModels(model, ()) for model in models}
     return {
-        first.model.name: _Class(
+        first.model.name: ClassModels(
             first,
             tuple(
                 model
@@ -187,7 +187,7 @@ def _gather(models: Sequence[VersionedModel]) -> dict[str, _Class]:
     }
 
 
-def _evidence(
+def page_evidence(
     recognition: Recognition, models: Sequence[VersionedModel], parameters: RecognitionParameters
 ) -> dict[str, float]:
     """Log likelihoods of a page by the models that were matched with it."""
@@ -202,21 +202,30 @@ def _evidence(
 
 
 def _log_likelihood(
-    evidence: Sequence[Mapping[str, float]], each: _Class, parameters: DocumentParameters
+    evidence: Sequence[Mapping[str, float]], each: ClassModels, parameters: DocumentParameters
 ) -> float:
     """Log likelihood of the pages from the first one on, given the class, up to a constant of all classes."""
     total = evidence[0].get(each.first.model.name, -np.inf)
     stray = parameters.stray if each.later else parameters.untaught
     for page in evidence[1:]:
         if page:
-            own = max(page.get(model.model.name, -np.inf) for model in each.later or (each.first,))
             # A page of any kind has 0; the best of all models may give more.
-            any_kind = max(0.0, *page.values())
-            total += float(np.logaddexp(np.log1p(-stray) + own, np.log(stray) + any_kind))
+            total += later_log_likelihood(page, each, max(0.0, *page.values()), stray)
     return total
 
 
-def _model_of_page(place: int, evidence: Mapping[str, float], each: _Class) -> VersionedModel:
+def later_log_likelihood(
+    evidence: Mapping[str, float], each: ClassModels, any_kind: float, stray: float
+) -> float:
+    """Log likelihood of a page as a later one of a class, mixed with `any_kind`, that of a stray page.
+
+    `stray` is the probability of such a page, 0-1.
+    """
+    own = max(evidence.get(model.model.name, -np.inf) for model in each.later or (each.first,))
+    return float(np.logaddexp(np.log1p(-stray) + own, np.log(stray) + any_kind))
+
+
+def _model_of_page(place: int, evidence: Mapping[str, float], each: ClassModels) -> VersionedModel:
     """The class's model for its page number `place`, from 0; of several the one that fits best."""
     if place <= 0 or not each.later:
         return each.first
@@ -251,7 +260,7 @@ def _fit(recognition: Recognition, model: VersionedModel, parameters: Recognitio
     return log_odds_of_fit(recognition.chosen.comparable_cost, model.model.calibration, zones)
 
 
-def _cost(seen: Sequence[Recognition], evidence: Sequence[Mapping[str, float]], each: _Class) -> float:
+def _cost(seen: Sequence[Recognition], evidence: Sequence[Mapping[str, float]], each: ClassModels) -> float:
     """Sum of the least costs of the pages by the class's models."""
     total = 0.0
     for place, (recognition, page) in enumerate(zip(seen, evidence, strict=True)):

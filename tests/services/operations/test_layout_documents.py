@@ -12,10 +12,18 @@ import pytest
 from PIL import Image
 
 from services.contract.images import DocumentLimits
-from services.contract.layout import DocumentReply, LayoutOptions, LayoutReply, LayoutSettings, ModelDocument
+from services.contract.layout import (
+    DocumentReply,
+    LayoutOptions,
+    LayoutReply,
+    LayoutSettings,
+    ModelDocument,
+    StackReply,
+)
 from services.errors import InvalidOption, NotAcceptable, NoText, TooLarge, UndecodableImage
 from services.imaging.codec import encode_image
 from services.layout.page import Page
+from services.layout.recognition.stack import StackParts
 from services.operations import layout, layout_documents
 from services.operations.layout_documents import recognize_uploads
 from services.operations.layout_models import initialize_from_samples, measure_sample
@@ -63,7 +71,7 @@ def eyes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def recognized(
     images: list[bytes], models: list[ModelDocument], options: LayoutOptions | None = None
-) -> LayoutReply | DocumentReply:
+) -> LayoutReply | DocumentReply | StackReply:
     return recognize_uploads(images, None, None, models, options or LayoutOptions(), SETTINGS)
 
 
@@ -198,3 +206,39 @@ def test_progress_runs_through_the_pages(models: list[ModelDocument]) -> None:
     assert shares == sorted(shares)
     assert [stage for stage, _ in told].count("zones") == 3
     assert max(shares) <= 1
+
+
+def test_a_stack_is_parted_into_its_documents(models: list[ModelDocument]) -> None:
+    first, _, last = PNGS
+    reply = recognized([first, last, first, last, last], models, LayoutOptions(split=True))
+    assert isinstance(reply, StackReply)
+    assert [[page.upload for page in document.pages] for document in reply.documents] == [[0, 1], [2, 3, 4]]
+    for document in reply.documents:
+        assert document.answer.class_ is not None
+        assert document.answer.class_.name == "letter"
+        assert document.pages[0].answer.part == "first"
+        assert {"decode", "zones", "beginnings", "matching", "models"} <= document.answer.timings_ms.keys()
+    json.dumps([as_json_of(document) for document in reply.documents])
+    assert pickle.loads(pickle.dumps(reply)) == reply
+
+
+def test_one_page_is_a_stack_of_one_document(models: list[ModelDocument]) -> None:
+    reply = recognized(PNGS[:1], models, LayoutOptions(split=True))
+    assert isinstance(reply, StackReply)
+    assert [len(document.pages) for document in reply.documents] == [1]
+
+
+def test_what_is_not_sure_of_a_stack_is_said(
+    models: list[ModelDocument], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts = StackParts((0, 2), (1.0, 0.3, 0.7))
+    monkeypatch.setattr(layout_documents, "part_stack", lambda *_: parts)
+    reply = recognized(PNGS, models, LayoutOptions(split=True))
+    assert isinstance(reply, StackReply)
+    said = [
+        [warning.detail for warning in document.answer.warnings if warning.code == "unsure-beginning"]
+        for document in reply.documents
+    ]
+    assert [len(each) for each in said] == [1, 1]
+    assert "pages[1] may begin another document (0.30)" in said[0][0]
+    assert "pages[0] may go on with the document before (0.30)" in said[1][0]

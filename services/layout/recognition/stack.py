@@ -1,0 +1,156 @@
+"""Where the documents of a stack of pages begin: one search over all its pages for the most probable parts.
+
+A stack is a chain. A page either begins a document, which the class's first-page model then describes, or goes on with
+the document before it, as one of that class's continuation models describes (`documents`). A class without these has
+later pages that look like its first one but for what only that shows; so such a page begins a document as far as it
+has the labels of the class's samples. Documents of no known class take part as a class of their own: its pages are as
+likely as one that fits the nearest class as well as none. The most probable chain is found by Viterbi's dynamic
+programming, the probability of each beginning by sums over all chains (forward and backward; Rabiner 1989, III.A, B).
+"""
+
+import math
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from services.layout.model.layout_model import LayoutModel
+from services.layout.page import Page
+from services.layout.recognition.classification import log_odds_of_fit
+from services.layout.recognition.documents import (
+    ClassModels,
+    DocumentParameters,
+    gather_classes,
+    later_log_likelihood,
+    page_evidence,
+)
+from services.layout.recognition.page_recognition import VersionedModel, recognize_page
+from services.layout.recognition.results import Recognition
+
+BEGINNING = 0.35
+"""Probability that a page begins a document, before anybody looks at it: documents of three pages. By first-page models
+alone 0.5 parts three times as many documents; with continuation models 0.2 to 0.7 give the same parts."""
+_STRAY = 0.5
+"""Probability that a later page of a class without continuation models looks like no page of it."""
+
+Likelihoods = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Log likelihoods (K,) of a page as the first one of a document of each class, and as a later one."""
+
+
+@dataclass(frozen=True, slots=True)
+class StackParts:
+    """`beginnings` are the places of the documents' first pages, from 0, ascending; the first one is 0.
+
+    `probabilities` has for every page that of beginning a document, 0-1.
+    """
+
+    beginnings: tuple[int, ...]
+    probabilities: tuple[float, ...]
+
+
+def part_stack(
+    pages: Sequence[Page],
+    models: Sequence[VersionedModel],
+    content_names: tuple[str, ...],
+    parameters: DocumentParameters,
+) -> StackParts:
+    """Where documents begin among `pages`, which carry their content features; one document if there is no model.
+
+    A page without zones, as the blank back of a sheet, begins none; blank pages before the first document belong to it.
+    """
+    printed = next((index for index, page in enumerate(pages) if page.zones), len(pages))
+    if not models or printed == len(pages):
+        return StackParts((0,), (1.0,) + (0.0,) * (len(pages) - 1))
+    classes = list(gather_classes(models).values())
+    blank = np.full(len(classes) + 1, -np.inf), np.zeros(len(classes) + 1)
+    likelihoods = []
+    for page in pages:
+        seen = recognize_page(page, models, content_names, parameters.recognition)
+        likelihoods.append(_likelihoods(seen, models, classes, parameters) if page.zones else blank)
+    found = most_probable_parts(likelihoods[printed:])
+    return StackParts(
+        (0, *(place + printed for place in found.beginnings[1:])),
+        (1.0,) + (0.0,) * printed + found.probabilities[1:],
+    )
+
+
+def _likelihoods(
+    seen: Recognition,
+    models: Sequence[VersionedModel],
+    classes: Sequence[ClassModels],
+    parameters: DocumentParameters,
+) -> Likelihoods:
+    """Of documents of no class, then of each class."""
+    evidence = page_evidence(seen, models, parameters.recognition)
+    (nearest,) = (model.model for model in models if model.model.name == seen.classes[0].name)
+    fit = log_odds_of_fit(seen.classes[0].comparable_cost, nearest.calibration, len(seen.page.zones))
+    stranger = evidence[nearest.name] - fit
+    first, later = [stranger], [stranger]
+    for each in classes:
+        first.append(evidence.get(each.first.model.name, -np.inf))
+        if each.first.model is nearest and not each.later:
+            first[-1] += _presence(nearest, {zone.label for zone in seen.zones})
+        stray = parameters.stray if each.later else _STRAY
+        later.append(later_log_likelihood(evidence, each, stranger, stray))
+    return np.array(first), np.array(later)
+
+
+def _presence(model: LayoutModel, labels: Set[str | None]) -> float:
+    """Log likelihood ratio of a page with these labels as one like the samples, against one that may lack any of them.
+
+    Of N samples n have a label: a page like them has it with the probability (n + 1/2) / (N + 1), the other with 1/2.
+    It is 0 for a model that does not know its samples' labels.
+    """
+    known = model.statistics
+    if known is None:
+        return 0.0
+    total = 0.0
+    for node, seen in zip(model.nodes, known.nodes, strict=True):
+        if node.label is not None:
+            lacking = (seen.counts[0] + 0.5) / (known.pages + 1.0)
+            total += math.log(2.0 * (1.0 - lacking if node.label in labels else lacking))
+    return total
+
+
+def most_probable_parts(likelihoods: Sequence[Likelihoods], beginning: float = BEGINNING) -> StackParts:
+    """The parts of a stack of N >= 1 pages by their log likelihoods, each (K,) as a first and as a later page.
+
+    The first page begins a document. All K classes are equally probable.
+    """
+    first = np.array([each for each, _ in likelihoods]) + np.log(beginning / len(likelihoods[0][0]))
+    later = np.array([each for _, each in likelihoods]) + np.log1p(-beginning)
+    return StackParts(_best_chain(first, later), _beginning_probabilities(first, later))
+
+
+def _best_chain(first: NDArray[np.float64], later: NDArray[np.float64]) -> tuple[int, ...]:
+    """Places (N, K) of the beginnings in the most probable chain."""
+    best = first[0]
+    begins = np.ones_like(first, dtype=bool)
+    before = np.zeros(len(first), dtype=int)
+    for place in range(1, len(first)):
+        before[place] = np.argmax(best)
+        fresh, going_on = best.max() + first[place], best + later[place]
+        begins[place] = fresh > going_on
+        best = np.maximum(fresh, going_on)
+    of_class, found = int(np.argmax(best)), []
+    for place in range(len(first) - 1, -1, -1):
+        if begins[place, of_class]:
+            found.append(place)
+            of_class = int(before[place])
+    return tuple(reversed(found))
+
+
+def _beginning_probabilities(first: NDArray[np.float64], later: NDArray[np.float64]) -> tuple[float, ...]:
+    """Probability of each of N pages (N, K) of being a document's first one, over all chains."""
+    forward = [first[0]]
+    for place in range(1, len(first)):
+        forward.append(np.logaddexp(logsumexp(forward[-1]) + first[place], forward[-1] + later[place]))
+    total, backward = logsumexp(forward[-1]), np.zeros_like(first[0])
+    found = []
+    for place in range(len(first) - 1, 0, -1):
+        here = logsumexp(forward[place - 1]) + first[place]
+        found.append(float(np.exp(logsumexp(here + backward) - total)))
+        backward = np.logaddexp(logsumexp(first[place] + backward), later[place] + backward)
+    return (1.0, *reversed(found))
