@@ -82,7 +82,7 @@ help:
 	@echo 'make bench-review     the order of the review queue, and what goes through without a person'
 	@echo 'make bench-reading    text of photos, app scans, receipts and flat pages beside Tesseract alone; then ten languages'
 	@echo 'make client-models    types of answers and options in clients/, written anew from the OpenAPI document'
-	@echo 'make api-tables       tables of docs/api.md (operations, limits, problems), written anew from the code'
+	@echo 'make api-tables       tables of docs/api (operations, limits, problems), written anew from the code'
 	@echo 'make licences         what the image holds under which licence, written anew (deploy/licences.md, sbom.cdx.json)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'

@@ -30,6 +30,7 @@ from app.engine.local import LocalEngine, PoolLimits
 from app.http.known_options import KnownQueryOptions
 from app.http.middleware import OPENAPI_PATH, add_middleware, methods_of
 from app.http.problems import FrameworkErrors
+from app.http.upload_places import UploadPlaces
 from app.interprocess_lock import InterprocessLock
 from app.jobs.service import JobService
 from app.learning.locks import ModelLocks
@@ -62,6 +63,7 @@ from app.routes import (
     review,
     shortcuts,
     tokens,
+    uploads,
 )
 from app.routes import jobs as job_routes
 from app.run_folder import run_folder
@@ -72,6 +74,8 @@ from app.storage.disk_space import DiskSpace
 from app.storage.expiry import deleting_expired
 from app.storage.kept_images import KeptImages
 from app.storage.layout_store import LayoutStore, ResultLimits
+from app.storage.uploads import KeptUploads
+from models.records import UploadBounds
 from models.repository import Store
 from services.contract.operations import Operations
 from services.heap import keep_few_heaps
@@ -84,6 +88,7 @@ ROUTERS = (
     kept_pages.router,
     cameras.router,
     mosaic.router,
+    uploads.router,
     shortcuts.router,
     layout.router,
     layout_images.router,
@@ -110,6 +115,7 @@ TAGS = {
     "rectify": "One photo of a page in, the flat page out.",
     "pages": "Kept photos: other corners, turns and looks, and files of several pages, without sending them again.",
     "mosaic": "Overlapping photos of one page in, the whole page out.",
+    "uploads": "Files in pieces over bad networks (tus 1.0.0); forms take their ids in place of files.",
     "layout": "A page or a document in, its class and the labels of its zones out.",
     "layout feedback": "What a person corrects; the models learn from it.",
     "layout models": "Models of document classes: their samples, versions, training and settings.",
@@ -156,6 +162,15 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
     locks = ModelLocks(InterprocessLock(None if settings.database_url else settings.data_dir / LEARNING_LOCK))
     blobs = BlobAccess(settings.blob_url, settings.data_dir)
     images, sample_images, photos = _pictures(blobs, store, settings)
+    kept_uploads = KeptUploads(
+        blobs,
+        store,
+        UploadBounds(
+            settings.max_kept_uploads, settings.most_uploads_per_key, settings.max_kept_uploads_bytes
+        ),
+        settings.upload_ttl_s,
+    )
+    places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     review_order = ReviewOrder(store, engine, operations, settings)
     disk = DiskSpace(() if settings.database_url else (settings.data_dir,), settings.min_free_disk_bytes)
 
@@ -172,7 +187,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
             await job_service.start()
             try:
                 async with (
-                    deleting_expired(store, images, sample_images, photos),
+                    deleting_expired(store, images, sample_images, photos, kept_uploads),
                     review_order.kept(),
                     keyring.watched(),
                 ):
@@ -218,8 +233,10 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         job_service,
         review_order,
         tokens,
+        kept_uploads,
+        places,
     )
-    add_middleware(app, settings, engine, job_service.jobs, metrics, routes, keyring, tokens)
+    add_middleware(app, settings, engine, job_service.jobs, metrics, routes, keyring, tokens, places)
     _describe(app, settings)
     return app
 

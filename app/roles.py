@@ -37,6 +37,9 @@ READERS_WRITE = (
     ("DELETE", "/pages/{id}"),
     ("DELETE", "/jobs/{id}"),
     ("DELETE", "/cameras/{name}"),
+    ("POST", "/uploads"),
+    ("PATCH", "/uploads/{id}"),
+    ("DELETE", "/uploads/{id}"),
 )
 """Requests of every role beside reading: work on photos, which changes nothing that others see."""
 VERIFIERS_WRITE = (

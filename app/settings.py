@@ -321,6 +321,21 @@ class Settings(BaseSettings):
         "removed.",
     )
 
+    upload_ttl_s: int = Field(
+        default=86400, ge=1, description="An upload in pieces is kept this long, from its beginning."
+    )
+    max_kept_uploads: int = Field(
+        default=1000, ge=1, description="Most uploads in pieces that are kept; further ones get 503 `busy`."
+    )
+    max_kept_uploads_per_key: int = Field(
+        default=0, ge=0, description="Most of them of one API key; 0: half of MAX_KEPT_UPLOADS."
+    )
+    max_kept_uploads_bytes: int = Field(
+        default=4096 * MIB,
+        ge=1024,
+        description="All of them together, by the lengths that they will have; over it: 503 `busy`.",
+    )
+
     max_sample_images_bytes: int = Field(
         default=2048 * MIB,
         ge=0,
@@ -364,6 +379,19 @@ class Settings(BaseSettings):
         if not self.has_keys:
             return self.max_jobs
         return self.max_jobs_per_key or max(1, self.max_jobs // 2)
+
+    @property
+    def most_uploads_per_key(self) -> int:
+        """Most uploads in pieces of one API key, or of all callers where there are no keys."""
+        if not self.has_keys:
+            return self.max_kept_uploads
+        return self.max_kept_uploads_per_key or max(1, self.max_kept_uploads // 2)
+
+    @property
+    def largest_upload(self) -> tuple[int, str]:
+        """Most bytes of an upload in pieces, and the setting behind it: the largest body that can take its id."""
+        names = ("max_upload_bytes", "max_document_upload_bytes", "max_mosaic_upload_bytes")
+        return max((int(getattr(self, name)), name.upper()) for name in names)
 
     @property
     def image_limits(self) -> ImageLimits:

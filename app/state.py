@@ -7,6 +7,7 @@ from fastapi import Depends, Request
 
 from app.access.tokens import Tokens
 from app.engine.base import Engine
+from app.http.upload_places import UploadPlaces
 from app.jobs.registry import Jobs
 from app.jobs.service import JobService
 from app.learning.locks import ModelLocks
@@ -17,6 +18,7 @@ from app.storage.blobs import BlobAccess
 from app.storage.disk_space import DiskSpace
 from app.storage.kept_images import KeptImages
 from app.storage.layout_store import LayoutStore
+from app.storage.uploads import KeptUploads
 from services.contract.operations import Operations
 
 
@@ -39,6 +41,8 @@ class AppState:
     job_service: JobService
     review_order: ReviewOrder
     tokens: Tokens
+    uploads: KeptUploads
+    places: UploadPlaces
 
 
 def app_state(request: Request) -> AppState:

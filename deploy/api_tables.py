@@ -1,4 +1,4 @@
-"""The tables of docs/api.md that the code decides: `make api-tables`.
+"""The tables of docs/api.md and docs/api/ that the code decides: `make api-tables`.
 
 Operations come from the OpenAPI document, limits from the settings, codes of problems from where they are sent. Each
 table stands between two comments of its name; what is around them is written by hand.
@@ -15,23 +15,23 @@ from app.main import create_app
 from app.openapi.document import operations_of
 from app.settings import Settings
 
-PAGE = Path(__file__).parent.parent / "docs" / "api.md"
+DOCS = Path(__file__).parent.parent / "docs"
+INDEX = DOCS / "api.md"
 NEVER_SENT = "client-closed-request"
 """The client has gone."""
 SECTIONS = (
-    (r"/(rectify|mosaic)/", "#operations-of-one-answer"),
-    (r"/(rectify|cameras)", "#post-rectify-photos-of-pages-flat-pages"),
-    (r"/pages", "#kept-photos-pages"),
-    (r"/mosaic", "#post-mosaic-overlapping-photos-one-page"),
-    (r"/layout/results/{id}/(claim|release|skip)|/audit", "#review-which-pages-a-person-should-look-at"),
-    (
-        r".*/(feedback|train|rollback|health|diff)$",
-        "#feedback-models-learn-from-each-page-that-a-person-corrects",
-    ),
-    (r"/layout/(unknown|proposals)", "#new-kinds-of-documents-models-to-merge-models-to-split"),
-    (r"/layout", "#post-layout-what-kind-of-document-and-what-is-what-on-it"),
-    (r"/jobs", "#long-work-answer-later"),
-    (r"/tokens", "#manners"),
+    (r"/(rectify|mosaic)/", "api/one-answer.md"),
+    (r"/(rectify|cameras)", "api/rectify.md"),
+    (r"/pages", "api/pages.md"),
+    (r"/mosaic", "api/mosaic.md"),
+    (r"/uploads", "api/uploads.md"),
+    (r"/layout/results/{id}/(claim|release|skip)|/audit", "api/review.md"),
+    (r".*/(feedback|train|rollback|health|diff)$", "api/feedback.md"),
+    (r"/layout/(unknown|proposals)", "api/proposals.md"),
+    (r"/layout(/results|$)", "api/layout.md"),
+    (r"/layout", "api/models.md"),
+    (r"/jobs", "api/jobs.md"),
+    (r"/tokens", "api/conventions.md"),
     (r"/(health|metrics)", "operations.md#health-metrics-logs"),
 )
 """Where the operations of a path are described: the first one that fits."""
@@ -80,6 +80,10 @@ BEYOND = {
     "max_kept_image_bytes": "the picture is reduced",
     "max_kept_images_bytes": "`not-found`",
     "max_kept_photos_bytes": "`not-found`",
+    "upload_ttl_s": "`not-found`",
+    "max_kept_uploads": "`busy`",
+    "max_kept_uploads_per_key": "`busy`",
+    "max_kept_uploads_bytes": "`busy`",
     "max_sample_images_bytes": "the sample stays, without its image",
     "claim_ttl_s": "`conflict`",
     "max_unknown_pages": "`not-found`",
@@ -125,17 +129,35 @@ def problems() -> str:
     return "\n".join(rows)
 
 
-TABLES = {"endpoints": endpoints, "limits": limits, "problems": problems}
+TABLES = {
+    "endpoints": (INDEX, endpoints),
+    "limits": (DOCS / "api" / "limits.md", limits),
+    "problems": (DOCS / "api" / "problems.md", problems),
+}
+"""The page and the maker of each table."""
 
 
-def with_tables(page: str) -> str:
-    """The page with its tables made anew."""
-    for name, table in TABLES.items():
-        start, end = f"<!-- {name}: make api-tables -->", f"<!-- end of {name} -->"
-        before, _, rest = page.partition(start)
-        _, _, after = rest.partition(end)
-        page = f"{before}{start}\n{table()}\n\n{end}{after}"
-    return page
+def pages() -> list[Path]:
+    """The pages of the reference, in the order of the index, which is the first one."""
+    text = INDEX.read_text("utf-8")
+    return [
+        INDEX,
+        *(DOCS / name for name in re.findall(r"^\| \[[\w ]+\]\((api/[\w-]+\.md)\) \|", text, re.MULTILINE)),
+    ]
+
+
+def reference() -> str:
+    """The text of all pages."""
+    return "\n".join(page.read_text("utf-8") for page in pages())
+
+
+def with_table(name: str) -> str:
+    """The page of a table, with the table made anew."""
+    page, table = TABLES[name]
+    start, end = f"<!-- {name}: make api-tables -->", f"<!-- end of {name} -->"
+    before, _, rest = page.read_text("utf-8").partition(start)
+    _, _, after = rest.partition(end)
+    return f"{before}{start}\n{table()}\n\n{end}{after}"
 
 
 def _first_sentence(operation: dict[str, Any]) -> str:
@@ -161,4 +183,5 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(with_tables(PAGE.read_text("utf-8")), encoding="utf-8")
+    for name, (page, _) in TABLES.items():
+        page.write_text(with_table(name), encoding="utf-8")

@@ -28,6 +28,7 @@ ANSWERS = (
     "DocumentResult",
     "StackResult",
     "JobStatus",
+    "UploadState",
     "Problem",
 )
 """What the clients answer; whatever these have in them comes along."""
@@ -69,14 +70,15 @@ def option_schemas() -> dict[str, Schema]:
     made = {}
     for name, form in OPTIONS.items():
         parts = {
-            key: _option(each) for key, each in schemas[form]["properties"].items() if not _is_file(each)
+            key: _option(each) for key, each in schemas[form]["properties"].items() if not _is_file(key, each)
         }
         made[name] = {"type": "object", "description": f"Options of {form}.", "properties": parts}
     return made
 
 
-def _is_file(schema: Schema) -> bool:
-    return "binary" in (schema.get("format"), schema.get("items", {}).get("format"))
+def _is_file(name: str, schema: Schema) -> bool:
+    """Whether a part of a form is a file, or stands for one."""
+    return name == "upload" or "binary" in (schema.get("format"), schema.get("items", {}).get("format"))
 
 
 def _option(schema: Schema) -> Schema:

@@ -46,6 +46,22 @@ class KeptPageNotFound(NotFound):
     """No page with this id is kept, or it has expired."""
 
 
+class UploadNotFound(NotFound):
+    """There is no upload with this id, or it has expired."""
+
+
+class UploadMoved(StoreError):
+    """An upload does not end where a piece begins: another piece came, or one is missing."""
+
+    code = "wrong-offset"
+
+
+class UploadsFull(StoreError):
+    """There is no room for another upload."""
+
+    code = "busy"
+
+
 class FeedbackNotFound(NotFound):
     """There is no feedback on this result."""
 

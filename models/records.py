@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import Enum
-from typing import Final, Literal, cast
+from typing import Final, Literal, NamedTuple, cast
 
 from models.documents import Document
 from services.contract.fields import FieldSetting
@@ -134,6 +134,36 @@ class StoredPage:
     created_at: datetime
     expires_at: datetime
     owner: str | None
+
+
+class UploadPiece(NamedTuple):
+    """A piece of an upload: the last part of its blob's key, and its number of bytes."""
+
+    name: str
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class StoredUpload:
+    """An upload of `length` bytes, of which the first `received` have come, in `pieces`."""
+
+    id: str
+    owner: str | None
+    name: str | None
+    length: int
+    received: int
+    pieces: tuple[UploadPiece, ...]
+    created_at: datetime
+    expires_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class UploadBounds:
+    """Most uploads that are kept, of all and of one owner, and most bytes that all of them may come to."""
+
+    most: int
+    most_of_owner: int
+    most_bytes: int
 
 
 ResultState = Literal["open", "confirmed", "corrected"]

@@ -30,6 +30,7 @@ from models.sample_repository import SampleRepository
 from models.shared_value_repository import SharedValueRepository
 from models.transactions import Author, changes_by, utc_now
 from models.upgrade_repository import UpgradeRepository
+from models.upload_repository import UploadRepository
 
 __all__ = ["Author", "Store", "changes_by", "cursor_of", "utc_now"]
 
@@ -44,6 +45,7 @@ class Store(
     ReviewRepository,
     JobRepository,
     CameraRepository,
+    UploadRepository,
     SharedValueRepository,
     UpgradeRepository,
 ):

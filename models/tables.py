@@ -205,6 +205,24 @@ class KeptPageRow(Table):
     owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
 
 
+class UploadRow(Table):
+    """An upload that arrives in pieces until `received` is `length`.
+
+    `pieces` is JSON: name of the blob and number of bytes of each piece, in their order.
+    """
+
+    __tablename__ = "uploads"
+
+    id: Mapped[str] = mapped_column(String(26), primary_key=True)
+    created_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    expires_at: Mapped[datetime] = mapped_column(UtcDateTime, index=True)
+    owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
+    name: Mapped[str | None] = mapped_column(Text)
+    length: Mapped[int] = mapped_column(BigInteger)
+    received: Mapped[int] = mapped_column(BigInteger)
+    pieces: Mapped[str] = mapped_column(Text)
+
+
 class JobRow(Table):
     """An accepted job. Its input and its answer are blobs; the queue knows its id only.
 

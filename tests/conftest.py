@@ -127,7 +127,7 @@ def untested() -> list[str]:
     if IS_LONG and not HAS_GENERATOR:
         missing.append("Clients in Kotlin and Swift: no openapi-generator or Java (make venv-dev java).")
     if shutil.which("curl") is None:
-        missing.append("The commands of README.md and docs/api.md: curl is not installed (Debian: curl).")
+        missing.append("The commands of README.md and docs/api: curl is not installed (Debian: curl).")
     if find_tessdata("eng") is None:
         missing.append("OCR with Tesseract: its language data are not installed (Debian: tesseract-ocr-eng).")
     return missing

@@ -1,12 +1,14 @@
-"""docs/api.md names every code of a warning and an advice, and none that nothing sends."""
+"""docs/api/ names every code of a warning and an advice, and none that nothing sends."""
 
 import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from deploy import api_tables
+
 ROOT = Path(__file__).parent.parent
-DOCUMENT = (ROOT / "docs" / "api.md").read_text("utf-8")
+DOCUMENT = api_tables.reference()
 
 
 def calls(name: str) -> Iterator[ast.Call]:

@@ -1,4 +1,5 @@
-"""The limit of every path's request body: forms are spooled to the disk, every other body is kept in memory."""
+"""The limit of every path's request body: forms are spooled to the disk, every other body is kept in memory, but
+for pieces of uploads."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -56,7 +57,10 @@ def body_limits_of(settings: Settings) -> tuple[BodyLimits, Mapping[str, BodyLim
     mosaic = replace(
         photo, max_upload_bytes=settings.max_mosaic_upload_bytes, size_setting="MAX_MOSAIC_UPLOAD_BYTES"
     )
+    largest_bytes, setting = settings.largest_upload
+    piece = replace(plain, max_plain_bytes=largest_bytes, plain_setting=setting)
     return plain, {
+        "/uploads/{id}": piece,
         **dict.fromkeys(RECTIFY_PATHS, rectify),
         **dict.fromkeys(MOSAIC_PATHS, mosaic),
         "/layout": replace(

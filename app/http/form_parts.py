@@ -3,12 +3,13 @@
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Coroutine
 from contextlib import aclosing
-from typing import Any
+from tempfile import SpooledTemporaryFile
+from typing import Any, BinaryIO, cast
 from urllib.parse import unquote_plus
 
 from fastapi import Request, Response
 from fastapi.routing import APIRoute
-from starlette.datastructures import FormData, Headers
+from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.formparsers import FormParser, MultiPartException, MultiPartParser
 
 from services.errors import DocumentError, TooLarge
@@ -24,25 +25,18 @@ class InvalidForm(DocumentError):
     code = "bad-request"
 
 
+def spooled_file(name: str | None = None, headers: Headers | None = None) -> UploadFile:
+    """An empty file as those of forms: in memory while it is small."""
+    file = SpooledTemporaryFile(MultiPartParser.spool_max_size)  # noqa: SIM115
+    return UploadFile(cast(BinaryIO, file), size=0, filename=name, headers=headers)
+
+
 def has_form(headers: Headers) -> bool:
     """Whether the body of a request is a form: with parts, or with encoded fields only."""
     return headers.get("content-type", "").strip().lower().startswith(_FORMS)
 
 
-class FormRoute(APIRoute):
-    """A route whose request reads forms by `_NamingParser`."""
-
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """The handler of the route, with a `_FormRequest` instead of the request."""
-        handle = super().get_route_handler()
-
-        async def handle_form(request: Request) -> Response:
-            return await handle(_FormRequest(request.scope, request.receive))
-
-        return handle_form
-
-
-class _FormRequest(Request):
+class FormRequest(Request):
     """A request that names the part in errors of a multipart form."""
 
     async def _get_form(self, **limits: Any) -> FormData:
@@ -65,6 +59,21 @@ class _FormRequest(Request):
             except MultiPartException as error:
                 raise InvalidForm(f"The form cannot be read: {error.message.rstrip('.')}.") from error
         return self._form
+
+
+class FormRoute(APIRoute):
+    """A route whose request reads forms by `_NamingParser`."""
+
+    request_class: type[FormRequest] = FormRequest
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler of the route, with a `request_class` instead of the request."""
+        handle = super().get_route_handler()
+
+        async def handle_form(request: Request) -> Response:
+            return await handle(self.request_class(request.scope, request.receive))
+
+        return handle_form
 
 
 class _FieldParser(FormParser):

@@ -15,9 +15,10 @@ from app.engine.base import Engine
 from app.http.body_limits import body_limits_of
 from app.http.browser_rules import OwnSite, SecurityHeaders
 from app.http.octets import Octets
-from app.http.paths import MOSAIC_PATHS, RECTIFY_PATHS, PlainPaths
+from app.http.paths import MOSAIC_PATHS, RECTIFY_PATHS, UPLOAD_PATHS, PlainPaths
 from app.http.problems import ProblemBoundary
 from app.http.transfer import ConditionalGet, HeadAndOptions, RootPath
+from app.http.tus import options_headers
 from app.http.upload_places import UploadPlaces
 from app.http.uploads import BodyGuard, UploadAdmission
 from app.jobs.forwarding import JobAdmission
@@ -89,6 +90,7 @@ def add_middleware(
     routes: list[APIRoute],
     keyring: Keyring,
     tokens: Tokens,
+    places: UploadPlaces,
 ) -> None:
     """Add everything that every request passes before its route.
 
@@ -96,7 +98,6 @@ def add_middleware(
     bytes, compression, errors, paths that name nothing, requests of other sites, API keys, roles, list of changes,
     methods, admission to the queue of jobs and to the engine.
     """
-    places = UploadPlaces(settings.max_uploads, settings.min_body_bytes_per_s)
     app.add_middleware(UploadAdmission, engine=engine, work=WORK, places=places)
     app.add_middleware(
         JobAdmission,
@@ -108,7 +109,11 @@ def add_middleware(
         forwards=not settings.workers,
     )
     app.add_middleware(ConditionalGet)
-    app.add_middleware(HeadAndOptions, methods=methods_of(routes))
+    app.add_middleware(
+        HeadAndOptions,
+        methods=methods_of(routes),
+        more=dict.fromkeys(UPLOAD_PATHS, options_headers(settings.largest_upload[0])),
+    )
     app.add_middleware(Audit)
     app.add_middleware(RoleRules)
     app.add_middleware(ApiKeys, keyring=keyring, tokens=tokens)

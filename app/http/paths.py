@@ -11,6 +11,7 @@ from services.errors import DocumentError
 RECTIFY_PATHS = ("/rectify", "/rectify/image", "/rectify/pdf", "/rectify/text", "/rectify/pages")
 MOSAIC_PATHS = ("/mosaic", "/mosaic/image", "/mosaic/pdf", "/mosaic/json")
 """Each with the same operation under it, with one type of answer."""
+UPLOAD_PATHS = ("/uploads", "/uploads/{id}")
 _CONTROL_CHARACTER = re.compile("[\x00-\x1f\x7f]")
 
 

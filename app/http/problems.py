@@ -48,6 +48,8 @@ STATUS_OF_CODE: Mapping[str, int] = {
     "invalid-model": 422,
     "no-samples": 422,
     "not-storable": 422,
+    "wrong-offset": 409,
+    "checksum-mismatch": 460,
     "client-closed-request": 499,
     "internal": 500,
     "worker-died": 500,
@@ -81,6 +83,8 @@ MEANING_OF_CODE: Mapping[str, str] = {
     "invalid-model": "Not a layout model, or a model in a newer format than this service reads.",
     "no-samples": "The model has no samples to be initialized from.",
     "not-storable": "A name or key has characters that cannot be stored.",
+    "wrong-offset": "A piece does not begin where its upload ends; ask for the offset, and go on from there.",
+    "checksum-mismatch": "A piece of an upload is not what its checksum says; it was not kept. Send it again.",
     "client-closed-request": "The client closed the connection before the response.",
     "internal": "A defect of the service.",
     "worker-died": "The worker process ended before the work was done; try again.",
@@ -125,7 +129,8 @@ def refusal_of(error: BaseException) -> Refusal:
         return _refusal_of_http(error)
     if isinstance(error, ClientDisconnect):
         return _gone()
-    return _internal()
+    is_disk_full = isinstance(error, OSError) and error.errno in _DISK_FULL
+    return _no_space() if is_disk_full else _internal()
 
 
 class ProblemBoundary:
@@ -225,14 +230,21 @@ def described_problem(code: str, detail: str, field: str | None, request_id: str
     return _problem_of(Refusal(code, detail, field), request_id)
 
 
-def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[str, object]]:
-    """OpenAPI problem responses for these codes; `conditional`: the route accepts If-Match, so 412 is added."""
+def documented(
+    *codes: str, conditional: bool = False, of_tus: bool = False
+) -> dict[int | str, dict[str, object]]:
+    """OpenAPI problem responses for these codes.
+
+    Routes that accept If-Match (`conditional`) or want the version of tus (`of_tus`) have 412 in addition.
+    """
     meanings = {
         status: [f"`{code}`: {MEANING_OF_CODE[code]}" for code in codes if STATUS_OF_CODE[code] == status]
         for status in sorted({STATUS_OF_CODE[code] for code in codes})
     }
     if conditional:
         meanings[412] = ["`conflict`: The model does not meet If-Match or If-None-Match."]
+    if of_tus:
+        meanings[412] = ["`conflict`: `Tus-Resumable` is missing, or names another version."]
     responses: dict[int | str, dict[str, object]] = {}
     for status, meaning in meanings.items():
         responses[status] = {
@@ -246,13 +258,19 @@ def documented(*codes: str, conditional: bool = False) -> dict[int | str, dict[s
     return responses
 
 
-_TITLES = {499: "Client Closed Request"}
+_TITLES = {460: "Checksum Mismatch", 499: "Client Closed Request"}
 _PHRASES = frozenset(status.phrase for status in HTTPStatus)
 
 
 def _internal() -> Refusal:
     return Refusal(
         "internal", "The service failed on this request. Its log has the cause under this request_id."
+    )
+
+
+def _no_space() -> Refusal:
+    return Refusal(
+        "store-unavailable", "The service has no disk space left for this upload. Send it again later."
     )
 
 
@@ -273,16 +291,9 @@ def _headers_of(error: DocumentError) -> tuple[tuple[str, str], ...]:
 
 def _refusal_of_http(error: HTTPException) -> Refusal:
     """Problem of an error of the framework; also of errors while it reads the body."""
-    if isinstance(error.__cause__, DocumentError | StoreError):
+    # With a disk that fails, the body could not be spooled; the request is valid.
+    if isinstance(error.__cause__, DocumentError | StoreError | ClientDisconnect | OSError):
         return refusal_of(error.__cause__)
-    if isinstance(error.__cause__, ClientDisconnect):
-        return _gone()
-    if isinstance(error.__cause__, OSError) and error.__cause__.errno in _DISK_FULL:
-        return Refusal(
-            "store-unavailable", "The service has no disk space left for this upload. Send it again later."
-        )
-    if isinstance(error.__cause__, OSError):  # the body could not be spooled; the request is valid
-        return _internal()
     if error.status_code not in _CODE_OF_STATUS:
         return _internal()
     code = _CODE_OF_STATUS[error.status_code]

@@ -49,10 +49,13 @@ class RootPath:
 class HeadAndOptions:
     """Middleware: answers HEAD like GET without the body, and OPTIONS with the methods of the path."""
 
-    def __init__(self, app: ASGIApp, methods: Mapping[str, frozenset[str]]) -> None:
-        """`methods` are those of each path template."""
+    def __init__(
+        self, app: ASGIApp, methods: Mapping[str, frozenset[str]], more: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """`methods` are those of each path template, `more` further headers that OPTIONS has for some of them."""
         self.app = app
         self.methods = methods
+        self.more = more
         self.templates = PathTemplates(methods)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -60,7 +63,7 @@ class HeadAndOptions:
         if template is None:
             await self.app(scope, receive, send)
         elif scope["method"] == "OPTIONS":
-            headers = {"Allow": allowed(self.methods[template])}
+            headers = {"Allow": allowed(self.methods[template]), **self.more.get(template, {})}
             await Response(status_code=HTTPStatus.NO_CONTENT, headers=headers)(scope, receive, send)
         elif scope["method"] == "HEAD" and "GET" in self.methods[template]:
             await self._head(scope, receive, send)

@@ -134,9 +134,9 @@ def _add_examples(operation: dict[str, Any]) -> None:
     """A short real example for the body and for the JSON response of the operation."""
     name = operation["operationId"]
     contents = operation.get("requestBody", {}).get("content", {})
-    for media_type in (JSON, FORM):
-        if media_type in contents and name in BODY_EXAMPLES.get(media_type, {}):
-            contents[media_type]["example"] = deepcopy(BODY_EXAMPLES[media_type][name])
+    for media_type, content in contents.items():
+        if name in BODY_EXAMPLES.get(media_type, {}):
+            content["example"] = deepcopy(BODY_EXAMPLES[media_type][name])
     for status, response in operation["responses"].items():
         content = response.get("content", {})
         if status.startswith("2") and JSON in content and (status, name) in RESPONSE_EXAMPLES:

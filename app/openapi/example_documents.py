@@ -187,3 +187,11 @@ MODEL = {
 RECEIPT = {"id": SAMPLE, "model": "letter", "zones": 1, "labels": {"receiver": 1}}
 IMPORTED = {"name": "letter", "version": 8, "labels": ["receiver"]}
 UNKNOWN = {"id": SAMPLE, "result": RESULT, "created": WHEN}
+UPLOAD = {
+    "id": RESULT,
+    "name": "photo.jpg",
+    "length": 8_388_608,
+    "offset": 5_242_880,
+    "created": WHEN,
+    "expires": "2026-11-22T10:00:00Z",
+}

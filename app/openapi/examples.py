@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from app.http.octets import OCTETS
 from app.openapi.example_documents import (
     ACCEPTED,
     FOUND,
@@ -18,6 +19,7 @@ from app.openapi.example_documents import (
     SAMPLE,
     SETTINGS,
     UNKNOWN,
+    UPLOAD,
     VERSIONS,
     WHEN,
 )
@@ -47,6 +49,7 @@ BODY_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
             "elements": {"subject": "h1"},
         },
     },
+    OCTETS: {"send_piece": "(the next bytes of the file)"},
     "multipart/form-data": {
         "rectify": {"image": _PHOTO, "illumination": "normalize", "format": "json"},
         "mosaic": {"images": _PHOTOS, "format": "json"},
@@ -124,6 +127,8 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
             }
         ]
     },
+    ("201", "begin_upload"): {**UPLOAD, "offset": 0},
+    ("200", "show_upload"): UPLOAD,
     ("200", "audit"): {
         "entries": [
             {

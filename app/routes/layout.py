@@ -8,7 +8,6 @@ from typing import Annotated, NoReturn
 from fastapi import APIRouter, Form, Query, Request, Response
 
 from app.access.callers import caller_of
-from app.http.form_parts import FormRoute
 from app.http.json_answers import answer_json
 from app.http.known_options import known_parts, with_format
 from app.http.ocr_languages import chosen_language
@@ -26,6 +25,7 @@ from app.routes.common_responses import FORM, IMAGE, STORE, WORK
 from app.routes.document_uploads import check_not_empty, document_limits, document_time_limit
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
+from app.routes.sent_uploads import UploadFormRoute
 from app.schemas.layout import LayoutForm, parse_names, stored_form, stored_whole
 from app.schemas.options import FORMAT, Absent, CallbackUrl
 from app.settings import Settings
@@ -44,7 +44,7 @@ from services.contract.layout import (
 from services.errors import InvalidOption, NotAcceptable, TooLarge
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["layout"], route_class=FormRoute)
+router = APIRouter(tags=["layout"], route_class=UploadFormRoute)
 
 FEWEST_FILES = 64
 """Smallest limit on the number of files in a form."""

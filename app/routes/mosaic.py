@@ -7,12 +7,12 @@ from fastapi import APIRouter, Form, Query, Request, Response
 
 from app.access.callers import caller_of
 from app.engine.base import TimeLimit
-from app.http.form_parts import FormRoute
 from app.http.known_options import known_parts, with_format
 from app.http.ocr_languages import chosen_language
 from app.routes.kept_pages import keep_photos
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import PageAnswer, answer_page, choose_encoding, documented_page
+from app.routes.sent_uploads import UploadFormRoute
 from app.schemas.mosaic import MosaicForm
 from app.schemas.options import AskedFormat, CallbackUrl
 from app.state import AppState, State
@@ -21,7 +21,7 @@ from services.contract.answers.mosaic import MosaicResult
 from services.contract.mosaic import MosaicLimits
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["mosaic"], route_class=FormRoute)
+router = APIRouter(tags=["mosaic"], route_class=UploadFormRoute)
 
 MOST_FILES = 64
 """Larger than the limit of a mosaic, so that the error for too many photos is about photos, not about the form."""

@@ -6,7 +6,6 @@ from typing import Annotated
 from fastapi import APIRouter, Form, Query, Request, Response
 
 from app.access.callers import caller_of
-from app.http.form_parts import FormRoute
 from app.http.known_options import known_parts, with_format
 from app.http.ocr_languages import chosen_language
 from app.routes.document_uploads import check_photos, document_limits, document_time_limit
@@ -20,6 +19,7 @@ from app.routes.page_answers import (
     flat_pages,
 )
 from app.routes.pages_in_time import flatten_pages
+from app.routes.sent_uploads import UploadFormRoute
 from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import RectifyForm
 from app.state import AppState, State
@@ -29,7 +29,7 @@ from services.contract.images import Encoding
 from services.errors import InvalidOption
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["rectify"], route_class=FormRoute)
+router = APIRouter(tags=["rectify"], route_class=UploadFormRoute)
 
 MOST_FILES = 64
 """More than the route accepts, so that the error for several photos is about photos, not about the form."""

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Form, Request, Response, UploadFile
 
-from app.http.form_parts import FormRoute
 from app.http.json_answers import JSON
 from app.http.known_options import known_parts
 from app.http.problems import documented
@@ -18,6 +17,7 @@ from app.openapi.plain_answers import PLAIN_MOSAIC, PLAIN_PAGES, PlainAnswer
 from app.routes import mosaic, rectify
 from app.routes.long_work import ACCEPTED, PREFER
 from app.routes.page_answers import BINARY, PROBLEMS, Documentation, add_failed_pages
+from app.routes.sent_uploads import UploadFormRoute
 from app.schemas.mosaic import MosaicForm
 from app.schemas.options import FORMAT
 from app.schemas.rectify import RectifyForm
@@ -26,7 +26,7 @@ from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import EmbeddedFormat, PageReply, TextFormat
 
-router = APIRouter(route_class=FormRoute)
+router = APIRouter(route_class=UploadFormRoute)
 
 Image = Annotated[EmbeddedFormat, FORMAT]
 Text = Annotated[TextFormat, FORMAT]

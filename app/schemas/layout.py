@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, cast
 from fastapi import UploadFile
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch
+from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch, Uploads
 from services.contract.answers.layout import DocumentResult, LayoutResult
 from services.contract.layout import LayoutFormat
 from services.contract.result_json import ClassJson, FoundClassJson, ResultJson, WholeResultJson
@@ -109,6 +109,7 @@ class LayoutForm(BaseModel):
         description="Add the words of every zone, each with its box and OCR confidence, to JSON, PAGE-XML and ALTO.",
     )
     callback_url: CallbackUrl = None
+    upload: Uploads = []
 
 
 def document_of(document: WholeResultJson, result_id: str, pages: list[LayoutResult]) -> DocumentResult:

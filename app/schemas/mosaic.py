@@ -23,8 +23,10 @@ from app.schemas.options import (
     ReadText,
     Switch,
     Title,
+    Uploads,
     Upright,
     checked_turns,
+    files_may_be_uploads,
     turn_of,
 )
 from services.contract.mosaic import FEWEST_PHOTOS, MOST_PHOTOS, Composition, MosaicParameters
@@ -69,7 +71,7 @@ def _one_turn(turns: str) -> str:
 class MosaicForm(BaseModel):
     """The multipart form of POST /mosaic."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", json_schema_extra=files_may_be_uploads)
 
     images: Annotated[list[UploadFile], AfterValidator(_enough_photos)] = Field(
         description="The photos, in any order, each a part of this name: JPEG, PNG, WebP, TIFF (first page) or "
@@ -117,6 +119,7 @@ class MosaicForm(BaseModel):
     pdf_version: AskedPdfVersion = "1.7"
     title: Title = None
     callback_url: CallbackUrl = None
+    upload: Uploads = []
 
     def parameters(self) -> MosaicParameters:
         """The options of the mosaic, without those of the response format.

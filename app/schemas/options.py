@@ -4,6 +4,7 @@ import re
 from typing import Annotated
 
 from pydantic import BeforeValidator, Field, StringConstraints
+from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
 
 from services.contract import rectify
@@ -81,6 +82,12 @@ def turn_of(entry: str) -> rectify.Rotation | None:
     """The clockwise degrees of an entry of `rotate`; None for `auto`."""
     turns: dict[str, rectify.Rotation] = {"0": 0, "90": 90, "180": 180, "270": 270}
     return turns.get(entry)
+
+
+def files_may_be_uploads(schema: JsonDict) -> None:
+    """Document that a form needs some part, but no file: uploads may stand for them."""
+    schema.pop("required", None)
+    schema["minProperties"] = 1
 
 
 Upright = Annotated[
@@ -172,6 +179,14 @@ MaxPixels = Annotated[
         "proportions. Sizes and meshes in the response are those of the smaller picture."
     ),
 ]
+Uploads = Annotated[
+    list[str],
+    Field(
+        description="Ids of complete uploads (/uploads), in place of files: a part of this name for each. Their files "
+        "take the places of these parts.",
+    ),
+]
+"""The route finds files in place of the ids: `UploadFormRoute`."""
 CallbackUrl = Annotated[
     Annotated[str, Field(max_length=2000)] | Absent,
     Field(

@@ -23,8 +23,10 @@ from app.schemas.options import (
     ReadText,
     Switch,
     Title,
+    Uploads,
     Upright,
     checked_turns,
+    files_may_be_uploads,
     turn_of,
 )
 from app.schemas.photo_points import (
@@ -69,7 +71,7 @@ def _checked_paper(text: str) -> str:
 class RectifyForm(BaseModel):
     """The multipart form of POST /rectify."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", json_schema_extra=files_may_be_uploads)
 
     image: Annotated[list[UploadFile], Field(min_length=1)] = Field(
         description="The photo: JPEG, PNG, WebP, TIFF or HEIC/HEIF. Several pages: several parts of this name in their "
@@ -149,6 +151,7 @@ class RectifyForm(BaseModel):
     title: Title = None
     archive: AskedArchive = "images"
     callback_url: CallbackUrl = None
+    upload: Uploads = []
 
     def parameters(self) -> RectifyParameters:
         """The options of the rectification, without those of the response format.

@@ -4,8 +4,8 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
+from typing import Protocol
 
-from app.storage.kept_images import KeptImages
 from app.storage.layout_store import LayoutStore
 from models.errors import StoreError
 
@@ -15,10 +15,17 @@ EVERY_S = 60.0
 """Results live for hours, so a minute more is little."""
 
 
+class Swept(Protocol):
+    """Blobs that belong to rows of the store, or are limited in all."""
+
+    async def sweep(self) -> int:
+        """Delete those whose rows are gone, and those over the limit; their number."""
+
+
 @asynccontextmanager
-async def deleting_expired(store: LayoutStore, *images: KeptImages) -> AsyncIterator[None]:
-    """Delete expired results, unknown pages and pictures every `EVERY_S` seconds inside of the block."""
-    task = asyncio.create_task(_delete_regularly(store, images))
+async def deleting_expired(store: LayoutStore, *blobs: Swept) -> AsyncIterator[None]:
+    """Inside of the block, delete every `EVERY_S` seconds what has expired, and blobs without a row."""
+    task = asyncio.create_task(_delete_regularly(store, blobs))
     try:
         yield
     finally:
@@ -27,13 +34,13 @@ async def deleting_expired(store: LayoutStore, *images: KeptImages) -> AsyncIter
             await task
 
 
-async def _delete_regularly(store: LayoutStore, images: Sequence[KeptImages]) -> None:
+async def _delete_regularly(store: LayoutStore, blobs: Sequence[Swept]) -> None:
     while True:
         try:
             await store.purge()
-            gone = sum([await each.sweep() for each in images])
+            gone = sum([await each.sweep() for each in blobs])
             if gone:
-                log.info("pictures were deleted", extra={"pictures": gone})
+                log.info("blobs were deleted", extra={"blobs": gone})
         except StoreError as error:
             log.error("expired data could not be deleted: %s", error.detail)
         await asyncio.sleep(EVERY_S)

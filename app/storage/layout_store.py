@@ -288,6 +288,7 @@ class LayoutStore:
     def _purge(self, store: Store) -> None:
         store.purge_results(keep_newest=self._results.max_results)
         store.purge_kept_pages(keep_newest=self._results.max_results)
+        store.purge_uploads()
 
     async def keep_pages(self, documents: Sequence[KeptPageJson], owner: str | None) -> list[str]:
         """Store what is known of photos of `owner` that are kept; the ids of their pages."""

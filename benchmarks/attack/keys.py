@@ -33,7 +33,8 @@ _COUNTS_WITHIN_S = 5.0
 _TOLD = "everybody could use the service"
 
 
-def _key(name: str) -> dict[str, str]:
+def key_of(name: str) -> dict[str, str]:
+    """The header with the key of a name in the file."""
     return {"X-API-Key": f"key-of-{name}"}
 
 
@@ -57,7 +58,7 @@ def _forged(url: str, key: str, purpose: bytes, valid_s: int) -> Answer:
 
 
 def _prolonged(url: str) -> Answer:
-    token = httpx.post(url + "/tokens", headers=_key("rita"), timeout=_TIMEOUT_S).json()["token"]
+    token = httpx.post(url + "/tokens", headers=key_of("rita"), timeout=_TIMEOUT_S).json()["token"]
     signature = base64.urlsafe_b64decode(token)[8:]
     body = struct.pack(">Q", int(time.time()) + 10**8)
     return _by_token(url, base64.urlsafe_b64encode(body + signature).decode())
@@ -88,7 +89,7 @@ def _removed_key(url: str, *, is_asked: bool) -> Answer:
         server = Server(Path(folder), workers=1, api_keys_file=path)
         server.start()
         try:
-            token = httpx.post(server.url + "/tokens", headers=_key("rita")).json()["token"]
+            token = httpx.post(server.url + "/tokens", headers=key_of("rita")).json()["token"]
             path.write_text(_line("boss", "admin"), encoding="utf-8")
             if is_asked:
                 os.kill(server.pid, signal.SIGHUP)
@@ -105,14 +106,14 @@ def _removed_key(url: str, *, is_asked: bool) -> Answer:
 def _proposals(url: str) -> Answer:
     """Whether a job of a verifier that is called admin looks at unknown pages of other keys."""
     with httpx.Client(base_url=url, timeout=_TIMEOUT_S) as client:
-        page = client.post("/layout", data={"zones": texts.zones()}, headers=_key("boss")).json()["id"]
+        page = client.post("/layout", data={"zones": texts.zones()}, headers=key_of("boss")).json()["id"]
         client.post(
-            f"/layout/results/{page}/feedback", json={"class": None}, headers=_key("boss")
+            f"/layout/results/{page}/feedback", json={"class": None}, headers=key_of("boss")
         ).raise_for_status()
-        job = client.post("/layout/proposals", headers={**_key("admin"), **_LATER}).headers["location"]
-        while client.get(job, headers=_key("admin")).json()["state"] not in ("succeeded", "failed"):
+        job = client.post("/layout/proposals", headers={**key_of("admin"), **_LATER}).headers["location"]
+        while client.get(job, headers=key_of("admin")).json()["state"] not in ("succeeded", "failed"):
             time.sleep(0.05)
-        found = client.get(f"{job}/result", headers=_key("admin"))
+        found = client.get(f"{job}/result", headers=key_of("admin"))
     if found.status_code != 200:
         return answer_of(found)
     return Answer(200, "shown" if found.json()["looked_at"]["unknown_pages"] else "hidden")
@@ -124,27 +125,27 @@ def _feedback(url: str) -> Answer:
         page = json.loads(texts.zones())
         for zone in page["zones"]:
             zone["label"] = "date"
-        client.post("/layout/models/memo/samples", json=page, headers=_key("boss")).raise_for_status()
-        client.post("/layout/models/memo/initialize", headers=_key("boss")).raise_for_status()
-        result = client.post("/layout", data={"zones": texts.zones()}, headers=_key("boss")).json()["id"]
+        client.post("/layout/models/memo/samples", json=page, headers=key_of("boss")).raise_for_status()
+        client.post("/layout/models/memo/initialize", headers=key_of("boss")).raise_for_status()
+        result = client.post("/layout", data={"zones": texts.zones()}, headers=key_of("boss")).json()["id"]
         client.post(
-            f"/layout/results/{result}/feedback", json={"class": "memo"}, headers=_key("boss")
+            f"/layout/results/{result}/feedback", json={"class": "memo"}, headers=key_of("boss")
         ).raise_for_status()
         path = "/layout/models/memo/feedback"
-        told, shown = (client.get(path, headers=_key(name)) for name in ("boss", "rita"))
+        told, shown = (client.get(path, headers=key_of(name)) for name in ("boss", "rita"))
     assert told.json()["feedback"]
     return Answer(shown.status_code, "shown" if shown.json()["feedback"] else "hidden")
 
 
 def _of_reader(method: str, path: str, url: str) -> Answer:
-    return answer_of(httpx.request(method, url + path, headers=_key("rita"), timeout=_TIMEOUT_S))
+    return answer_of(httpx.request(method, url + path, headers=key_of("rita"), timeout=_TIMEOUT_S))
 
 
 def _jobs(url: str) -> Answer:
     """What the last of six jobs of one key is answered."""
     files = {"image": picture()}
     answers = [
-        httpx.post(url + "/rectify", files=files, headers={**_key("rita"), **_LATER}, timeout=_TIMEOUT_S)
+        httpx.post(url + "/rectify", files=files, headers={**key_of("rita"), **_LATER}, timeout=_TIMEOUT_S)
         for _ in range(6)
     ]
     accepted = sum(answer.status_code == 202 for answer in answers)
@@ -153,7 +154,7 @@ def _jobs(url: str) -> Answer:
 
 def _waiting(path: str, url: str) -> Answer:
     return answer_of(
-        httpx.post(url + path, files={"image": picture()}, headers=_key("rita"), timeout=_TIMEOUT_S)
+        httpx.post(url + path, files={"image": picture()}, headers=key_of("rita"), timeout=_TIMEOUT_S)
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import httpx
 
-from benchmarks.attack import archives, images, keys, lists, mosaics, pdfs, races, texts
+from benchmarks.attack import archives, images, keys, lists, mosaics, pdfs, pieces, races, texts
 from benchmarks.attack.clients import (
     Answer,
     answer_of,
@@ -207,4 +207,5 @@ ATTACKS = (
     *keys.ATTACKS,
     *races.ATTACKS,
     *lists.ATTACKS,
+    *pieces.ATTACKS,
 )

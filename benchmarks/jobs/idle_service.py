@@ -9,6 +9,7 @@ from dataclasses import fields
 from services.contract.answers.rectify import PagesResult
 from services.contract.images import PageReply
 from services.contract.operations import Operation, Operations
+from services.contract.worker_facts import WorkerFacts
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 IDLE = "benchmarks.jobs.idle_service:answer"
@@ -20,9 +21,9 @@ def answer(*_: object) -> PageReply:
     return PageReply(PNG, "image/png", PagesResult.model_construct(pages=[], warnings=[], timings_ms={}))
 
 
-def warm_up(*_: object) -> dict[str, object]:
+def warm_up(*_: object) -> WorkerFacts:
     """What a worker says of itself."""
-    return {"ocr": None, "languages": []}
+    return WorkerFacts()
 
 
 def main(arguments: list[str]) -> None:

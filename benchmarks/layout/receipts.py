@@ -111,25 +111,52 @@ def is_right(label: str, given: str | None, true: str) -> bool:
     return letters(true) in letters(given) if label == "date" else letters(given) == letters(true)
 
 
-def label_lines(lines: Sequence[tuple[Box, str]], values: Mapping[str, str]) -> list[str | None]:
-    """Labels of the true lines that hold the true values."""
-    labels: list[str | None] = [None] * len(lines)
+def labelled_boxes(
+    lines: Sequence[tuple[Box, str]], values: Mapping[str, str]
+) -> list[tuple[Box, str | None]]:
+    """The boxes of the true lines with their labels; a value within a line has a box of its own, as a person draws it.
+
+    All characters of a line are taken to be equally wide.
+    """
     from_top = sorted(range(len(lines)), key=lambda k: lines[k][0][1])
+    held: dict[int, tuple[str, tuple[int, int]]] = {}
     for label in ("company", "address"):
-        left = letters(values.get(label, ""))
+        left = values.get(label, "")
         for k in from_top:
-            own = letters(lines[k][1])
-            if labels[k] is None and len(own) >= 3 and own in left:
-                labels[k], left = label, left.replace(own, "", 1)
-    day, total = letters(values.get("date", "")), values.get("total", "")
+            if k not in held and (span := _common_part(lines[k][1], left)) is not None:
+                held[k] = (label, span)
+                left = left.replace(lines[k][1][slice(*span)].strip(), "", 1)
+    day, total = values.get("date", ""), values.get("total", "")
     for k in from_top:
-        if day and day in letters(lines[k][1]):
-            labels[k] = "date"
+        if day and k not in held and (at := lines[k][1].find(day)) >= 0:
+            held[k] = ("date", (at, at + len(day)))
             break
-    amounts = [k for k in from_top if total and is_right("total", _last_amount(lines[k][1]), total)]
+    amounts = [
+        k for k in from_top if k not in held and total and is_right("total", _last_amount(lines[k][1]), total)
+    ]
     if amounts:
-        labels[max(amounts, key=lambda k: _is_total(lines, k))] = "total"
-    return labels
+        best = max(amounts, key=lambda k: _is_total(lines, k))
+        held[best] = ("total", [match.span() for match in _MONEY.finditer(lines[best][1])][-1])
+    boxes: list[tuple[Box, str | None]] = []
+    for k, (box, text) in enumerate(lines):
+        if k not in held:
+            boxes.append((box, None))
+            continue
+        label, (begin, end) = held[k]
+        width = (box[2] - box[0]) / max(1, len(text))
+        for start, stop, own in ((0, begin, None), (begin, end, label), (end, len(text), None)):
+            if own is not None or letters(text[start:stop]):
+                boxes.append(((box[0] + start * width, box[1], box[0] + stop * width, box[3]), own))
+    return boxes
+
+
+def _common_part(text: str, value: str) -> tuple[int, int] | None:
+    """Where a line has a part of the value: the whole line, or all that is left of the value within it."""
+    own, left = letters(text), letters(value)
+    if len(own) >= 3 and own in left:
+        return 0, len(text)
+    at = text.upper().find(value.strip().upper())
+    return (at, at + len(value.strip())) if len(left) >= 3 and at >= 0 else None
 
 
 def _last_amount(text: str) -> str | None:
@@ -156,10 +183,7 @@ def read_receipt(file: Path, engine: OcrEngine, memory: Memory) -> Receipt:
             corners = np.array(row[:8], dtype=np.float64).reshape(4, 2)
             (x0, y0), (x1, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
             lines.append(((x0, y0, x1, y1), ",".join(row[8:])))
-    zones = (
-        Zone(f"t{k}", box, label=label)
-        for k, ((box, _), label) in enumerate(zip(lines, label_lines(lines, values), strict=True))
-    )
+    zones = (Zone(f"t{k}", box, label=label) for k, (box, label) in enumerate(labelled_boxes(lines, values)))
     height, width = gray.shape
     features = content_features()
     true = measure_zones(gray, Page(float(width), float(height), tuple(zones)))

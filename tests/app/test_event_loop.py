@@ -1,6 +1,8 @@
 """The loop of the service computes little at once, whatever comes in and goes out: others are answered meanwhile."""
 
+import hashlib
 import json
+from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -16,6 +18,7 @@ from tests.app.serving import watched_serving
 from tests.models.databases import make_file
 
 MODEL = "/layout/models/letter"
+MAX_PHOTO_BYTES = 32 << 20
 NAMES = [f"class-{number}" for number in range(198)]
 
 
@@ -91,6 +94,20 @@ def _job(client: "_Filled") -> httpx.Response:
     return client.get(f"{job}/result")
 
 
+def _pieces(client: "_Filled") -> httpx.Response:
+    """A photo of 32 MB in a piece with a checksum, and a form that names it."""
+    content = JPEG.ljust(MAX_PHOTO_BYTES, b" ")
+    tus = {"Tus-Resumable": "1.0.0", "Upload-Length": str(len(content))}
+    path = client.post("/uploads", headers=tus).raise_for_status().headers["Location"]
+    checksum = b64encode(hashlib.sha256(content).digest()).decode()
+    piece = {"Upload-Offset": "0", "Content-Type": "application/octet-stream"}
+    headers = {**tus, **piece, "Upload-Checksum": f"sha256 {checksum}"}
+    client.patch(path, content=content, headers=headers).raise_for_status()
+    answer = client.post("/rectify", data={"upload": path.removeprefix("/uploads/")})
+    client.delete(path).raise_for_status()
+    return answer
+
+
 REQUESTS: dict[str, Callable[["_Filled"], httpx.Response]] = {
     "an image within JSON": _photos("/rectify", "image", 1, embed="true"),
     "pages with meshes": _photos("/rectify", "image", PAGES),
@@ -138,6 +155,7 @@ REQUESTS: dict[str, Callable[["_Filled"], httpx.Response]] = {
     "a claim": lambda client: client.post("/layout/results/{result}/claim"),
     "an undo": lambda client: client.delete("/layout/results/{page}/feedback"),
     "a job and its result": _job,
+    "an upload in pieces": _pieces,
     "an archive of samples": _samples,
     "an import": _import,
     "an export": _get("/layout/export"),
@@ -183,6 +201,10 @@ class _Filled:
     def put(self, path: str, **content: Any) -> httpx.Response:
         """PUT."""
         return self._client.put(path.format(**self._known), timeout=120, **content)
+
+    def patch(self, path: str, **content: Any) -> httpx.Response:
+        """PATCH."""
+        return self._client.patch(path, timeout=120, **content)
 
     def delete(self, path: str) -> httpx.Response:
         """DELETE."""

@@ -36,7 +36,7 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
         ("POST", "/layout/models/{name}/rollback"),
         *(("POST", f"/layout/results/{{id}}/{act}") for act in ("claim", "release", "skip")),
     }
-    assert writes - WORK == {*of_the_store_alone, ("POST", "/tokens")}
+    assert writes - WORK == {*of_the_store_alone, ("POST", "/tokens"), ("POST", "/uploads")}
     assert WORK - writes == {
         ("GET", "/layout/models/{name}/versions/{version}/diff"),
         ("DELETE", "/layout/results/{id}/feedback"),
@@ -77,7 +77,7 @@ def test_whoever_takes_a_precondition_may_refuse_it() -> None:
     for path in described()["paths"].values():
         for operation in path.values():
             headers = {parameter["name"].lower() for parameter in operation.get("parameters", ())}
-            is_conditional = bool(headers & {"if-match", "if-none-match"})
+            is_conditional = bool(headers & {"if-match", "if-none-match", "tus-resumable"})
             assert (
                 is_conditional == ("412" in operation["responses"])
                 or operation["operationId"] == "job_result"
@@ -94,7 +94,7 @@ def test_the_form_is_documented_field_by_field() -> None:
         "image", "kind", "upright", "focal_length_px", "region", "corners", "rotate", "margin", "illumination", "crop",
         "pages", "paper", "on_no_text", "preview", "keep_photo", "camera", "text", "language", "format",
         "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title", "archive",
-        "callback_url",
+        "callback_url", "upload",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["quality"]["minimum"] == 1
@@ -106,7 +106,7 @@ def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
     assert list(fields) == [
         "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "keep_photo", "camera", "text",
         "language", "format", "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title",
-        "callback_url",
+        "callback_url", "upload",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert (fields["images"]["minItems"], fields["images"]["maxItems"]) == (2, 16)
@@ -119,7 +119,7 @@ def test_the_form_of_a_layout_is_documented_field_by_field() -> None:
     fields = schemas["LayoutForm"]["properties"]
     assert list(fields) == [
         "image", "zones", "zones_file", "rectify", "ocr", "language", "models", "format", "keep_image", "page",
-        "split", "explain", "words", "callback_url",
+        "split", "explain", "words", "callback_url", "upload",
     ]  # fmt: skip
     assert all(field["description"] for field in fields.values())
     assert fields["language"] == schemas["RectifyForm"]["properties"]["language"]

@@ -1,5 +1,6 @@
 """What a key has made belongs to it, and after it has deleted everything nothing of it is left."""
 
+import base64
 import json
 import logging
 import re
@@ -66,6 +67,16 @@ def start(client: httpx.Client, key: dict[str, str]) -> str:
         assert time.monotonic() < deadline
         time.sleep(POLL_S)
     return str(path)
+
+
+def send_a_piece(client: httpx.Client, key: dict[str, str]) -> str:
+    """The path of an upload of which a piece has come, with a secret name."""
+    name = base64.b64encode(SECRET.encode()).decode()
+    begin = {"Tus-Resumable": "1.0.0", "Upload-Length": "9", "Upload-Metadata": f"filename {name}"}
+    path = str(client.post("/uploads", headers={**begin, **key}).headers["location"])
+    piece = {"Tus-Resumable": "1.0.0", "Upload-Offset": "0", "Content-Type": "application/octet-stream"}
+    assert client.patch(path, headers={**piece, **key}, content=b"piece").status_code == 204
+    return path
 
 
 def test_names_of_keys() -> None:
@@ -151,7 +162,8 @@ def test_after_deletion_nothing_is_left(
         results = [recognize(client, ALICE) for _ in range(3)]
         kept = recognize_image(client, ALICE)
         photo = keep_photo(client, ALICE)
-        assert len(files()) == 2
+        piece = send_a_piece(client, ALICE)
+        assert len(files()) == 3
         bodies = [{"class": "letter", "labels": {"z1": "date"}}, {"class": None}, {"labels": {}}]
         for result, body in zip(results, bodies, strict=True):
             response = client.post(f"/layout/results/{result}/feedback", json=body, headers=ALICE)
@@ -167,7 +179,13 @@ def test_after_deletion_nothing_is_left(
         paths = [f"/layout/results/{result}/feedback" for result in results[:2]]
         paths += [f"/layout/results/{result}" for result in (*results, kept)]
         paths += [f"/layout/results/{results[2]}/feedback"]  # also without its result
-        paths += [job, f"/pages/{photo}", f"/layout/models/letter/samples/{sample}", "/cameras/alice-s"]
+        paths += [
+            job,
+            f"/pages/{photo}",
+            f"/layout/models/letter/samples/{sample}",
+            "/cameras/alice-s",
+            piece,
+        ]
         for path in paths:
             response = client.delete(path, headers=ALICE)
             assert response.status_code in (200, 204), (path, response.text)
@@ -194,6 +212,7 @@ OWN = {
     "/layout/unknown-pages/{id}": ("",),
     "/pages/{id}": ("",),
     "/pages/{id}/photo": ("", "?width=10"),
+    "/uploads/{id}": ("",),
     "/jobs/{id}": ("",),
     "/jobs/{id}/result": ("",),
     "/jobs/{id}/events": ("",),
@@ -226,13 +245,14 @@ def made(client: httpx.Client) -> Iterator[dict[str, str]]:
         "/layout/results/{id}/image": kept,
         "/layout/unknown-pages/{id}": unknown["id"],
         "/pages/{id}": (photo := keep_photo(client, ALICE)),
+        "/uploads/{id}": (piece := send_a_piece(client, ALICE)).removeprefix("/uploads/"),
         "/jobs/{id}": job.removeprefix("/jobs/"),
     }
     client.delete(f"/pages/{photo}", headers=ADMIN)
     for result in (*results, kept):
         client.delete(f"/layout/results/{result}/feedback", headers=ADMIN)
         client.delete(f"/layout/results/{result}", headers=ADMIN)
-    for path in (job, "/cameras/alice-s", "/layout/models/letter"):
+    for path in (job, piece, "/cameras/alice-s", "/layout/models/letter"):
         client.delete(path, headers=ADMIN if path.startswith("/layout") else ALICE)
 
 

@@ -146,7 +146,9 @@ def test_every_error_of_the_product_has_a_status_and_a_meaning() -> None:
         what = ("what",) if issubclass(error, InvalidOption | NotFound | VersionConflict) else ()
         refusal = refusal_of(error("what happened", *what))
         assert refusal.code == error.code
-        assert refusal.status == (412 if error is PreconditionFailed else STATUS_OF_CODE[error.code])
+        assert refusal.status == (
+            412 if issubclass(error, PreconditionFailed) else STATUS_OF_CODE[error.code]
+        )
     assert STATUS_OF_CODE.keys() == MEANING_OF_CODE.keys()
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import pytest
 
-from document_rectification_client import DocumentResult, Job, LayoutResult, ProblemError, calls
+from document_rectification_client import DocumentResult, Job, LayoutResult, ProblemError, calls, uploading
 from document_rectification_client.models import (
     JobStatus,
     PlainCreasedSheet,
@@ -200,3 +200,69 @@ def test_what_is_told_runs_as_written(
 )
 def test_retry_after(header: str, seconds: float | None) -> None:
     assert retry_after(httpx.Response(503, headers={"Retry-After": header})) == seconds
+
+
+@pytest.fixture(params=["sync", "async"])
+def thrifty(
+    request: pytest.FixtureRequest, url: str, network: Network, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Any]:
+    """A client that sends in pieces of 16 bytes what has more than 64."""
+    monkeypatch.setattr(uploading, "PIECE_BYTES", 16)
+    with on(network, request.param, url, monkeypatch, pieces_above=64) as client:
+        yield client
+
+
+def methods(network: Network) -> list[str]:
+    """Of what was sent since the last call of this."""
+    sent, network.sent = network.sent, []
+    return [request.method for request in sent]
+
+
+def test_what_is_large_is_sent_in_pieces_and_goes_on_after_breaks(thrifty: Any, network: Network) -> None:
+    photos = [FLAT + b" " * 13, FLAT]
+    lost = ("after", httpx.ReadError("cut off"))
+    network.fates = [None, httpx.WriteError("cut off"), None, lost, None, busy(), None, None, None]
+    direct = calls.flatten_pages(photos)
+    assert thrifty.answer(direct) is not None
+    # The first photo: a piece is lost, its second try is kept though its answer is lost, the third one meets a busy
+    # service. Nothing that was kept is sent again.
+    first = ["POST", "PATCH", "HEAD", "PATCH", "HEAD", "PATCH", "HEAD", "PATCH", "PATCH"]
+    assert methods(network) == [*first, "POST", *["PATCH"] * 3, "POST", "DELETE", "DELETE"]
+    assert network.pauses == [0.5, 1, 0.5]  # the second piece of the first photo came after all
+    assert thrifty.flatten([FLAT], "png").content == b"flat as png"
+    assert methods(network) == ["POST"]
+
+
+def test_an_upload_stands_for_a_photo_until_it_is_forgotten(thrifty: Any, tmp_path: Path) -> None:
+    path = tmp_path / "my photo.png"
+    path.write_bytes(FLAT)
+    photo = thrifty.upload(path)
+    for _ in range(2):
+        assert thrifty.mosaic([photo, FLAT], "png").content == b"flat as png"
+    assert thrifty.flatten(photo).content == b"flat as pdf"
+    assert thrifty.flatten([photo, FLAT], "pdf", progress=lambda job: None).content == b"2 as pdf"
+    thrifty.forget(photo)
+    with pytest.raises(ProblemError) as caught:
+        thrifty.flatten([photo])
+    assert caught.value.code == "not-found"
+
+
+def test_a_network_that_stays_away_and_a_refusal_are_told(thrifty: Any, network: Network) -> None:
+    network.fates = [None, *[httpx.ConnectError("refused"), None] * 5]
+    with pytest.raises(ProblemError) as caught:
+        thrifty.upload(FLAT)
+    assert (caught.value.code, network.pauses) == ("unreachable", [0.5, 1, 2, 4])
+    network.fates = [None, httpx.Response(415)]
+    with pytest.raises(ProblemError) as caught:
+        thrifty.upload(FLAT)
+    assert caught.value.status == 415
+    methods(network)
+    with pytest.raises(ProblemError, match="scripted no-text"):
+        thrifty.flatten([NO_TEXT + b" " * 64])
+    assert methods(network)[-2:] == ["POST", "DELETE"]
+
+
+def test_a_service_that_knows_no_uploads_gets_the_photos_as_ever(thrifty: Any, network: Network) -> None:
+    network.fates = [httpx.Response(404)]
+    assert thrifty.flatten([FLAT, FLAT], "pdf").content == b"2 as pdf"
+    assert methods(network) == ["POST", "POST"]

@@ -67,6 +67,11 @@ def test_it_goes_the_main_way(url: str, folder: Path, tmp_path: Path) -> None:
     assert seen["aborted"] == ["of a request", "of a try", "of a job"]
     assert seen["givenUp"] == seen["cancelled"]
     assert seen["early"] == "before"
+    # The answer to the first piece was lost, so it was kept; the second photo met a busy service.
+    sent = ["POST", "PATCH", "HEAD", "POST", "PATCH", "HEAD", "PATCH"]
+    assert seen["pieces"] == ["2 as pdf", sent, [0.5, 3]]
+    assert seen["upload"] == "flat as png"
+    assert (seen["forgotten"]["code"], seen["unknown"]) == ("not-found", "flat as pdf")
 
 
 @NEEDS_NODE

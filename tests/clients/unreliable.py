@@ -21,10 +21,10 @@ Fate = httpx.Response | Exception
 
 
 class Network(httpx.BaseTransport, httpx.AsyncBaseTransport):
-    """Meets requests with their fates, in order; those without one get through. `sent` has all of them."""
+    """Meets requests with their fates, in order; None is none, and they get through. `sent` has all of them."""
 
     def __init__(self) -> None:
-        self.fates: list[Fate | tuple[str, Exception]] = []
+        self.fates: list[Fate | tuple[str, Exception] | None] = []
         self.sent: list[httpx.Request] = []
         self.pauses: list[float] = []
         self.lost: list[bytes] = []

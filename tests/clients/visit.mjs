@@ -20,7 +20,9 @@ globalThis.setTimeout = (then, milliseconds, ...more) => {
   return wait(() => undefined, 0);
 };
 const fates = [];
+const methods = [];
 const network = async (input, init) => {
+  methods.push(init.method);
   if (init.headers["Idempotency-Key"]) seen.keys.push(init.headers["Idempotency-Key"]);
   const fate = fates.shift();
   if (fate instanceof Response) return fate;
@@ -87,4 +89,17 @@ seen.aborted.push(await reasonOf(service.flatten([photo(scripts.wait)], {}, told
 whenPaused = undefined;
 seen.givenUp = await problem(service.result({ id: last.id, read: async () => "" }));
 seen.early = await reasonOf(service.flatten([flat], {}, undefined, AbortSignal.abort(new Error("before"))));
+
+// Photos of more than ten bytes are sent in pieces, and go on after breaks; none is sent again that was kept.
+const thrifty = new Client(url, { fetch: network, piecesAbove: 10 });
+seen.pauses.splice(0);
+methods.splice(0);
+fates.push(undefined, "lost", undefined, undefined, busy("3"));
+seen.pieces = [await (await thrifty.flatten([flat, flat])).content.text(), methods.slice(0, 7), seen.pauses.splice(0)];
+const upload = await thrifty.upload(flat, "my photo.jpg");
+seen.upload = await (await thrifty.mosaic([upload, flat], { format: "png" })).content.text();
+await thrifty.forget(upload);
+seen.forgotten = await problem(thrifty.flatten([upload]));
+fates.push(new Response("", { status: 404 }));
+seen.unknown = await (await thrifty.flatten([flat])).content.text();
 console.log(JSON.stringify(seen));

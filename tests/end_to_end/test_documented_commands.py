@@ -1,4 +1,4 @@
-"""Every command of README.md and docs/api.md, in order, as written, against a running service.
+"""Every command of README.md and of the pages of docs/api/, in order, as written, against a running service.
 
 Work on photos that both of them show runs once.
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from deploy import api_tables
 from tests.end_to_end.forked import ROOT
 from tests.end_to_end.processes import PRODUCT, running
 from tests.programs import NEEDS_CURL
@@ -21,35 +22,37 @@ NOT_RUN = ("make ", "docker ")
 STRICT_CURL = 'curl() { command curl --fail-with-body --silent --show-error "$@"; }'
 
 
-def commands_of(document: Path) -> str:
-    """All shell blocks of a Markdown document, in order."""
-    blocks = re.findall(r"^```sh\n(.*?)^```", document.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+TEXTS = {"README.md": (ROOT / "README.md").read_text("utf-8"), "docs/api": api_tables.reference()}
+
+
+def commands_of(text: str) -> str:
+    """All shell blocks of a text in Markdown, in order."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     kept = [block for block in blocks if not block.startswith(NOT_RUN)]
     assert len(kept) >= 1
     return "\n".join(kept)
 
 
-def test_no_command_is_left_out() -> None:
-    for document in (ROOT / "README.md", ROOT / "docs" / "api.md"):
-        text = document.read_text(encoding="utf-8")
-        lines = [line for line in text.splitlines() if re.match(r"\s*(\w+=\$\()?curl ", line)]
-        commands = commands_of(document).splitlines()
-        assert [line for line in lines if line not in commands] == []
-        assert lines
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_no_command_is_left_out(text: str) -> None:
+    lines = [line for line in text.splitlines() if re.match(r"\s*(\w+=\$\()?curl ", line)]
+    commands = commands_of(text).splitlines()
+    assert [line for line in lines if line not in commands] == []
+    assert lines
 
 
 def of_its_own(name: str) -> str:
-    """The commands of a document; of README.md without the work on photos that docs/api.md has as well."""
-    commands = commands_of(ROOT / name)
+    """The commands of a text; of README.md without the work on photos that the reference has as well."""
+    commands = commands_of(TEXTS[name])
     if name != "README.md":
         return commands
-    others = set(commands_of(ROOT / "docs" / "api.md").splitlines())
+    others = set(commands_of(TEXTS["docs/api"]).splitlines())
     is_work = re.compile(r"curl -F .*/(rectify|mosaic)( .*)?$")
     return "\n".join(line for line in commands.splitlines() if not (is_work.match(line) and line in others))
 
 
 @NEEDS_CURL
-@pytest.mark.parametrize("name", ["README.md", "docs/api.md"])
+@pytest.mark.parametrize("name", TEXTS)
 def test_the_commands_run_as_written(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "examples"
     shutil.copytree(ROOT / "examples", folder, ignore=shutil.ignore_patterns("*.py", "__pycache__"))

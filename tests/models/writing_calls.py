@@ -12,7 +12,7 @@ from models.documents import decode_document
 from models.errors import StoreError, StoreUnavailable
 from models.feedback_records import FeedbackDraft, ModelChange, ModelUndo
 from models.job_records import Delivery, JobBounds, JobDraft, JobEnd, Progress
-from models.records import ReviewDraft
+from models.records import ReviewDraft, UploadBounds, UploadPiece
 from models.repository import Store, utc_now
 from models.tables import Table
 from tests.models.feedback_drafts import draft
@@ -20,6 +20,8 @@ from tests.models.job_requests import RECTIFY
 
 ROOM = JobBounds(4, 4, 1000)
 """The world has three unfinished jobs: there is room for one more."""
+UPLOAD_ROOM = UploadBounds(3, 2, 20)
+"""The world has one upload of 10 bytes: there is room for one more."""
 _DONE = JobEnd("succeeded", {"status": 200, "headers": []}, None, 0)
 _DIED = JobEnd("failed", None, None, 0, {"code": "worker-died"})
 _THEN = datetime(2026, 11, 26, tzinfo=UTC)
@@ -43,6 +45,7 @@ class World:
     token: str = ""
     done: str = ""
     kept: str = ""
+    upload: str = ""
 
 
 def make_pages(store: Store) -> World:
@@ -63,8 +66,10 @@ def make_pages(store: Store) -> World:
     [page] = store.each_unknown_page()
     store.remember_cameras(None, {"camera": [(0.1, 0.2)]})
     corrections = store.feedback_ids(corrected)
+    upload = store.add_upload(10, "a.jpg", None, 3600, UPLOAD_ROOM)
+    store.add_piece(upload.id, 0, UploadPiece("first", 4))
     kept, _ = store.add_kept_pages([{"answer": 0}, {"answer": 0}], 3600, None)
-    return World(claimed, claim, free, corrected, corrections, page.id, sample, kept=kept)
+    return World(claimed, claim, free, corrected, corrections, page.id, sample, kept=kept, upload=upload.id)
 
 
 def make_jobs(store: Store) -> World:
@@ -161,6 +166,13 @@ PAGE_CALLS: dict[str, Call] = {
     "change a kept page": lambda store, world: store.change_kept_page(world.kept, {"answer": 3}),
     "delete a kept page": lambda store, world: store.delete_kept_page(world.kept),
     "purge kept pages": lambda store, world: store.purge_kept_pages(keep_newest=1),
+    "begin an upload": lambda store, world: store.add_upload(6, None, None, 60, UPLOAD_ROOM).received,
+    "send a piece": lambda store, world: store.add_piece(world.upload, 4, UploadPiece("second", 3)).received,
+    "send another piece": lambda store, world: (
+        store.add_piece(world.upload, 4, UploadPiece("other", 6)).received
+    ),
+    "delete an upload": lambda store, world: store.delete_upload(world.upload),
+    "purge uploads": lambda store, world: store.purge_uploads(),
 }
 JOB_CALLS: dict[str, Call] = {
     "accept": lambda store, world: bool(_add_job(store)),

@@ -1,7 +1,7 @@
 """Client of the document rectification service: photos become flat pages, whole pages, and pages with labels."""
 
 from document_rectification_client import calls
-from document_rectification_client.calls import Call, File
+from document_rectification_client.calls import Call, File, Upload
 from document_rectification_client.clients import AsyncClient, Client
 from document_rectification_client.flows import Job
 from document_rectification_client.models import (
@@ -27,5 +27,6 @@ __all__ = [
     "PlainPagesResult",
     "ProblemError",
     "StackResult",
+    "Upload",
     "calls",
 ]

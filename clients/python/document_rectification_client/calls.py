@@ -22,8 +22,20 @@ from document_rectification_client.models import (
 from document_rectification_client.reading import read
 
 Answer = TypeVar("Answer")
-Photo = str | os.PathLike[str] | bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """A file that the service has already (`Client.upload`); it stands for a photo, in any number of calls."""
+
+    id: str
+
+
+Content = str | os.PathLike[str] | bytes
 """A path, or the bytes of a file."""
+Photo = Content | Upload
+Part = tuple[str, tuple[str | None, bytes]]
+"""Name of a part of a form, name of its file (None: it is a field), and its content."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +61,7 @@ class Call(Generic[Answer]):
     """One operation with its photos and options."""
 
     path: str
-    files: tuple[tuple[str, tuple[str, bytes]], ...]
+    files: tuple[Part, ...]
     fields: Mapping[str, str]
     read: Callable[[httpx.Response], Answer]
 
@@ -114,13 +126,22 @@ def _listed(header: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in header.split(",") if part.strip())
 
 
-def _files(part: str, photos: Sequence[Photo]) -> tuple[tuple[str, tuple[str, bytes]], ...]:
-    if isinstance(photos, (str, bytes, os.PathLike)):
+def part_of(upload: Upload) -> Part:
+    """How a form names an upload."""
+    return "upload", (None, upload.id.encode())
+
+
+def _files(part: str, photos: Sequence[Photo]) -> tuple[Part, ...]:
+    if isinstance(photos, (str, bytes, os.PathLike, Upload)):
         photos = [photos]
-    return tuple((part, _named(photo, number)) for number, photo in enumerate(photos, 1))
+    return tuple(
+        part_of(photo) if isinstance(photo, Upload) else (part, named(photo, number))
+        for number, photo in enumerate(photos, 1)
+    )
 
 
-def _named(photo: Photo, number: int) -> tuple[str, bytes]:
+def named(photo: Content, number: int = 1) -> tuple[str, bytes]:
+    """Name and content of a file."""
     if isinstance(photo, bytes):
         return f"photo-{number}", photo
     path = Path(photo)

@@ -8,8 +8,8 @@ from typing import Self, Unpack
 
 import httpx
 
-from document_rectification_client import calls, flows
-from document_rectification_client.calls import Answer, Call, File, Photo
+from document_rectification_client import calls, flows, uploading
+from document_rectification_client.calls import Answer, Call, Content, File, Photo, Upload
 from document_rectification_client.flows import Flow, Job, Progress
 from document_rectification_client.models import (
     DocumentResult,
@@ -25,6 +25,8 @@ from document_rectification_client.models import (
 
 URL = "http://127.0.0.1:8000"
 TRIES = 5
+PIECES_ABOVE = 8 << 20
+"""Two photos of a phone; at 1 MB/s more than that takes long enough to break off."""
 TIMEOUT = httpx.Timeout(60.0, connect=10.0, read=600.0)
 """Of reading: the service itself ends work that takes longer (504 `timed-out`)."""
 
@@ -43,15 +45,24 @@ class Client:
         An API key, if the service wants one.
     tries
         How often a request is sent at most, where the service is busy or is not reached.
+    pieces_above
+        Photos of a call that have more bytes than this together are sent in pieces before (`upload`), so that a broken
+        connection costs no more than what it was just sending; None: only what is asked for.
     http
         A client of httpx with settings of your own (certificates, a proxy); its base URL is set.
     """
 
     def __init__(
-        self, url: str = URL, key: str | None = None, tries: int = TRIES, http: httpx.Client | None = None
+        self,
+        url: str = URL,
+        key: str | None = None,
+        tries: int = TRIES,
+        http: httpx.Client | None = None,
+        pieces_above: int | None = PIECES_ABOVE,
     ) -> None:
         self._http = http or httpx.Client(timeout=TIMEOUT)
         self._tries = tries
+        self._pieces_above = pieces_above
         _prepare(self._http, url, key)
 
     def __enter__(self) -> Self:
@@ -110,13 +121,32 @@ class Client:
         """Class and labels of a page; of several images, of the document and of its pages."""
         return self.answer(calls.layout(images, **options), progress)
 
+    def upload(self, photo: Content, name: str | None = None) -> Upload:
+        """A photo that the service keeps for some time, sent in pieces: where the connection breaks, it goes on.
+
+        The upload stands for the photo in all methods, in any number of calls. `name` is that of bytes.
+        """
+        return self._follow(uploading.upload(*_named(photo, name), self._tries))
+
+    def forget(self, upload: Upload) -> None:
+        """Delete an upload before its time."""
+        self._follow(uploading.forget(upload, self._tries))
+
     def answer(self, call: Call[Answer], progress: Progress | None = None) -> Answer:
         """The answer to a call."""
-        return self._follow(flows.answer(call, progress, self._tries))
+        return self._follow(
+            uploading.sent_before(
+                call, self._pieces_above, self._tries, lambda sent: flows.answer(sent, progress, self._tries)
+            )
+        )
 
     def start(self, call: Call[Answer], key: str | None = None) -> Job[Answer]:
         """The job of a call; the same call with the same `key` finds the same job."""
-        return self._follow(flows.start(call, key, self._tries))
+        return self._follow(
+            uploading.sent_before(
+                call, self._pieces_above, self._tries, lambda sent: flows.start(sent, key, self._tries)
+            )
+        )
 
     def look(self, job: Job[Answer]) -> JobStatus:
         """The state of a job."""
@@ -144,7 +174,12 @@ class Client:
                 continue
             try:
                 received = self._http.request(
-                    step.method, step.path, headers=step.headers, files=step.files, data=step.data
+                    step.method,
+                    step.path,
+                    headers=step.headers,
+                    content=step.content,
+                    files=step.files,
+                    data=step.data,
                 )
             except httpx.TransportError as error:
                 received = error
@@ -159,9 +194,11 @@ class AsyncClient:
         key: str | None = None,
         tries: int = TRIES,
         http: httpx.AsyncClient | None = None,
+        pieces_above: int | None = PIECES_ABOVE,
     ) -> None:
         self._http = http or httpx.AsyncClient(timeout=TIMEOUT)
         self._tries = tries
+        self._pieces_above = pieces_above
         _prepare(self._http, url, key)
 
     async def __aenter__(self) -> Self:
@@ -220,13 +257,33 @@ class AsyncClient:
         """Class and labels of a page; of several images, of the document and of its pages."""
         return await self.answer(await asyncio.to_thread(calls.layout, images, **options), progress)
 
+    async def upload(self, photo: Content, name: str | None = None) -> Upload:
+        """A photo that the service keeps for some time, sent in pieces: where the connection breaks, it goes on.
+
+        The upload stands for the photo in all methods, in any number of calls. `name` is that of bytes.
+        """
+        named = await asyncio.to_thread(_named, photo, name)
+        return await self._follow(uploading.upload(*named, self._tries))
+
+    async def forget(self, upload: Upload) -> None:
+        """Delete an upload before its time."""
+        await self._follow(uploading.forget(upload, self._tries))
+
     async def answer(self, call: Call[Answer], progress: Progress | None = None) -> Answer:
         """The answer to a call."""
-        return await self._follow(flows.answer(call, progress, self._tries))
+        return await self._follow(
+            uploading.sent_before(
+                call, self._pieces_above, self._tries, lambda sent: flows.answer(sent, progress, self._tries)
+            )
+        )
 
     async def start(self, call: Call[Answer], key: str | None = None) -> Job[Answer]:
         """The job of a call; the same call with the same `key` finds the same job."""
-        return await self._follow(flows.start(call, key, self._tries))
+        return await self._follow(
+            uploading.sent_before(
+                call, self._pieces_above, self._tries, lambda sent: flows.start(sent, key, self._tries)
+            )
+        )
 
     async def look(self, job: Job[Answer]) -> JobStatus:
         """The state of a job."""
@@ -254,10 +311,20 @@ class AsyncClient:
                 continue
             try:
                 received = await self._http.request(
-                    step.method, step.path, headers=step.headers, files=step.files, data=step.data
+                    step.method,
+                    step.path,
+                    headers=step.headers,
+                    content=step.content,
+                    files=step.files,
+                    data=step.data,
                 )
             except httpx.TransportError as error:
                 received = error
+
+
+def _named(photo: Content, name: str | None) -> tuple[str, bytes]:
+    own, content = calls.named(photo)
+    return name or own, content
 
 
 def _prepare(http: httpx.Client | httpx.AsyncClient, url: str, key: str | None) -> None:

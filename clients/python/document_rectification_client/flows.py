@@ -8,7 +8,7 @@ from uuid import uuid4
 
 import httpx
 
-from document_rectification_client.calls import Answer, Call
+from document_rectification_client.calls import Answer, Call, Part
 from document_rectification_client.models import JobStatus
 from document_rectification_client.problems import ProblemError, problem_of
 from document_rectification_client.reading import read
@@ -28,8 +28,9 @@ class Request:
     method: str
     path: str
     headers: Mapping[str, str] = field(default_factory=dict)
-    files: tuple[tuple[str, tuple[str, bytes]], ...] = ()
+    files: tuple[Part, ...] = ()
     data: Mapping[str, str] = field(default_factory=dict)
+    content: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,20 +79,20 @@ def answer(call: Call[Answer], progress: Progress | None, tries: int) -> Flow[An
         job = yield from start(call, None, tries)
         return (yield from result(job, progress, tries))
     response = yield from send(Request("POST", call.path, {}, call.files, call.fields), tries)
-    return _read(call.read, response)
+    return read_answer(call.read, response)
 
 
 def start(call: Call[Answer], key: str | None, tries: int) -> Flow[Job[Answer]]:
     """The job of a call. With a key, which is a random one unless it is given, a repeated request finds its job."""
     headers = {"Prefer": "respond-async", "Idempotency-Key": key or uuid4().hex}
     response = yield from send(Request("POST", call.path, headers, call.files, call.fields), tries)
-    return Job(_read(_status, response).id, call.read)
+    return Job(read_answer(_status, response).id, call.read)
 
 
 def look(job: Job[Answer], tries: int) -> Flow[JobStatus]:
     """The state of a job."""
     response = yield from send(Request("GET", _path(job)), tries)
-    return _read(_status, response)
+    return read_answer(_status, response)
 
 
 def result(job: Job[Answer], progress: Progress | None, tries: int) -> Flow[Answer]:
@@ -107,7 +108,7 @@ def result(job: Job[Answer], progress: Progress | None, tries: int) -> Flow[Answ
             break
         yield Pause(status.poll_after_s or 1)
     response = yield from send(Request("GET", f"{_path(job)}/result"), tries)
-    return _read(job.read, response)
+    return read_answer(job.read, response)
 
 
 def cancel(job: Job[Answer], tries: int) -> Flow[None]:
@@ -123,7 +124,8 @@ def _status(response: httpx.Response) -> JobStatus:
     return read(JobStatus, response.json())
 
 
-def _read(reader: Callable[[httpx.Response], Answer], response: httpx.Response) -> Answer:
+def read_answer(reader: Callable[[httpx.Response], Answer], response: httpx.Response) -> Answer:
+    """What the reader makes of an answer. Raises `ProblemError` when it cannot be read."""
     try:
         return reader(response)
     except ValueError as error:

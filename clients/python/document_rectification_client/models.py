@@ -806,6 +806,23 @@ class StackResult:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class UploadState:
+    """How far an upload in pieces has come."""
+
+    id: str
+    """What a form takes as `upload`, in place of the file."""
+    name: str | None
+    """Name of the file."""
+    length: int
+    """Number of bytes of the whole file."""
+    offset: int
+    """Bytes that have come; the next piece begins here."""
+    created: str
+    expires: str
+    """When it is deleted."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Vector:
     """A direction in space."""
 

@@ -11,8 +11,13 @@ import type {
   StackResult,
 } from "./models.js";
 
+/** A file that the service has already (`Client.upload`); it stands for a photo, in any number of calls. */
+export interface Upload {
+  id: string;
+}
+
 /** A photo; a `File` has a name, too. */
-export type Photo = Blob;
+export type Photo = Blob | Upload;
 
 /** Options of a form of the service; points are lists of numbers, and null leaves an option out. */
 export type Given<Options> = { [Name in keyof Options]?: Options[Name] | null | undefined };
@@ -62,6 +67,14 @@ export function layout(images: Photo[], options: Given<Omit<LayoutOptions, "form
   return { path: "/layout", form: form("image", images, { ...options, format: "json" }), read: readJson };
 }
 
+/** The part of a form that names an upload. */
+export const UPLOAD = "upload";
+
+/** The name of a file, or one for the photo of this index. */
+export function nameOf(photo: Blob, index = 0): string {
+  return "name" in photo ? String(photo.name) : `photo-${index + 1}`;
+}
+
 async function readJson<Answer>(response: Response): Promise<Answer> {
   return (await response.json()) as Answer;
 }
@@ -84,7 +97,8 @@ function listed(header: string | null): string[] {
 function form(part: string, photos: Photo[], options: object): FormData {
   const made = new FormData();
   photos.forEach((photo, index) => {
-    made.append(part, photo, "name" in photo ? String(photo.name) : `photo-${index + 1}`);
+    if (photo instanceof Blob) made.append(part, photo, nameOf(photo, index));
+    else made.append(UPLOAD, photo.id);
   });
   for (const [name, value] of Object.entries(options)) {
     if (value !== null && value !== undefined) {

@@ -740,6 +740,24 @@ export interface components {
         StackResult: {
             documents: components["schemas"]["DocumentResult"][];
         };
+        /** @description How far an upload in pieces has come. */
+        UploadState: {
+            /** @description What a form takes as `upload`, in place of the file. */
+            id: string;
+            /** @description Name of the file. */
+            name: string | null;
+            /** @description Number of bytes of the whole file. */
+            length: number;
+            /** @description Bytes that have come; the next piece begins here. */
+            offset: number;
+            /** Format: date-time */
+            created: string;
+            /**
+             * Format: date-time
+             * @description When it is deleted.
+             */
+            expires: string;
+        };
         /** @description A direction in space. */
         Vector: {
             x: number;
@@ -984,6 +1002,7 @@ export type Problem = components['schemas']['Problem'];
 export type ReadWord = components['schemas']['ReadWord'];
 export type Size = components['schemas']['Size'];
 export type StackResult = components['schemas']['StackResult'];
+export type UploadState = components['schemas']['UploadState'];
 export type Vector = components['schemas']['Vector'];
 export type Warning = components['schemas']['Warning'];
 export type RectifyOptions = components['schemas']['RectifyOptions'];

@@ -54,6 +54,10 @@ MOST_AWAY = 2.0
 sheets had in zones with other labels only, 12 of 16 were right up to 2, 4 of 13 from 2 to 4, 4 of 24 from 4 to 8."""
 
 
+ALWAYS = 1.0
+"""Log odds of a page with a label against one without, from which on a page of the class has it somewhere."""
+
+
 def evidence_of(is_read: bool) -> LabelEvidence:
     return READ if is_read else UNREAD
 
@@ -63,13 +67,18 @@ def label_confidences(conditional: NDArray[np.float64], labels: NDArray[np.intp]
     return np.asarray(softmax(-conditional, axis=1)[np.arange(len(labels)), labels])
 
 
-def other_labels(conditional: NDArray[np.float64], labels: NDArray[np.intp]) -> NDArray[np.float64]:
+def other_labels(
+    conditional: NDArray[np.float64], labels: NDArray[np.intp], counts: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Probabilities (N, L) of the labels if `labels` (N,) are wrong, from `conditional_costs` (N, L).
 
-    0 for `labels` themselves, and for those that are less probable by more than `MOST_AWAY`.
+    0 for `labels` themselves, and for those that are less probable by more than `MOST_AWAY`. A label that the samples'
+    pages have, by its costs of 0, 1, ... zones a page (`counts`, (L, M)), is told however improbable: some zone has
+    it.
     """
     rows = np.arange(len(labels))
-    is_near = conditional - conditional[rows, labels][:, None] <= MOST_AWAY
+    is_there = counts[:, 0] - counts.min(axis=1) > ALWAYS
+    is_near = (conditional - conditional[rows, labels][:, None] <= MOST_AWAY) | is_there
     is_near[rows, labels] = False
     rest = conditional.copy()
     rest[rows, labels] = np.inf

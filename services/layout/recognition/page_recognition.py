@@ -267,7 +267,7 @@ def _match(
     evidence = label_evidence(
         tables, matching.labels, conditional, model.model.samples, is_read=graph.is_read
     )
-    others = other_labels(conditional, matching.labels)
+    others = other_labels(conditional, matching.labels, compiled.counts)
     return replace(match, confidences=confidences, evidence=evidence, others=others)
 
 

@@ -8,6 +8,7 @@ import pytest
 from services.layout.matching import conditional_costs, own_costs
 from services.layout.matching.cost_tables import CostTables
 from services.layout.recognition.label_evidence import (
+    ALWAYS,
     EVIDENCE_FEATURES,
     MOST_AWAY,
     READ,
@@ -111,8 +112,18 @@ def test_a_page_without_pairs_has_no_costs_of_pairs() -> None:
 
 def test_other_labels_share_what_is_left_if_a_label_is_wrong() -> None:
     conditional = np.array([[-5.0, -4.5, -4.5 + np.log(3), 19.0], [3.0, 0.0, MOST_AWAY + 0.1, 8.0]])
-    found = other_labels(conditional, np.array([0, 1]))
+    often = np.zeros((4, 2))
+    found = other_labels(conditional, np.array([0, 1]), often)
     # One of the first zone's is three times as probable as the next one; the second zone's are all too far away.
     assert found == pytest.approx(np.array([[0.0, 0.75, 0.25, 0.0], [0.0, 0.0, 0.0, 0.0]]), abs=1e-5)
     assert found[:, 3].tolist() == [0.0, 0.0]
-    assert other_labels(np.array([[1.0]]), np.array([0])).tolist() == [[0.0]]
+    assert other_labels(np.array([[1.0]]), np.array([0]), often[:1]).tolist() == [[0.0]]
+
+
+def test_a_label_that_every_page_has_is_told_of_every_zone() -> None:
+    conditional = np.array([[0.0, 9.0, 9.0], [0.0, 7.0, 9.0]])
+    counts = np.array([[0.0, 0.0], [ALWAYS + 0.1, 0.0], [ALWAYS - 0.1, 0.0]])
+    found = other_labels(conditional, np.array([0, 0]), counts)
+    assert (found[:, 1] > 0).all()
+    assert found[1, 1] > found[0, 1]
+    assert found[:, [0, 2]].tolist() == [[0.0, 0.0], [0.0, 0.0]]
