@@ -24,7 +24,7 @@ from services.mosaic.placing.joint_sheet import (
 )
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
-from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
+from services.mosaic.placing.residual_warp import FEWEST, HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.order_statistics import median
 from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_hull
@@ -51,8 +51,6 @@ SMOOTH = (0.02, 0.3)
 """Weights of first and second differences of neighbouring bends, where no photo tells them."""
 MATCH_PX = 0.1
 """Deviation of a coordinate of a correspondence, pixels of the photos."""
-FEWEST = 8
-"""Least number of held-out correspondences of a pair that is judged."""
 MOST_BASES = 4
 """Photos whose own surfaces are tried as the start: those with most text."""
 
