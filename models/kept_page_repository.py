@@ -1,7 +1,7 @@
 """The store's calls for kept pages: what is known of photos that are kept for later answers. They expire."""
 
 from collections.abc import Collection, Sequence
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import cast
 
 from sqlalchemy import ColumnElement, CursorResult, delete, select
@@ -63,9 +63,9 @@ class KeptPageRepository(Transactions):
         with self._reading() as session:
             return present_ids(session, KeptPageRow.id, page_ids, KeptPageRow.expires_at > self._clock())
 
-    def purge_kept_pages(self, now: datetime | None = None, keep_newest: int | None = None) -> int:
-        """Delete pages that have expired at `now` (aware), and all but the `keep_newest` newest; their number."""
-        gone: ColumnElement[bool] = KeptPageRow.expires_at <= (now or self._clock())
+    def purge_kept_pages(self, keep_newest: int | None = None) -> int:
+        """Delete pages that have expired, and all but the `keep_newest` newest; their number."""
+        gone: ColumnElement[bool] = KeptPageRow.expires_at <= self._clock()
         with self._changing() as (session, _):
             if keep_newest is not None:
                 newest = select(KeptPageRow.id).order_by(KeptPageRow.id.desc()).offset(keep_newest).limit(1)

@@ -1,7 +1,10 @@
 """What kind of test each one is, by its folder; photos that several tests use; what this machine cannot test."""
 
+import gc
 import os
 import shutil
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -15,6 +18,7 @@ from tests.end_to_end.accessibility import HAS_AXE
 from tests.end_to_end.browser import CHROMIUM
 from tests.end_to_end.openapi_generator import HAS_GENERATOR
 from tests.end_to_end.typescript import HAS_TYPESCRIPT
+from tests.fork_server import load_for_workers
 from tests.models.databases import KINDS
 from tests.services.scenes import Album
 
@@ -40,9 +44,44 @@ PIPELINE_FIXTURES = {"album"}
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave out folders without fast tests where only these are wanted: collecting them takes half of the time."""
-    if config.option.markexpr == "fast" and collection_path.is_relative_to(ROOT):
-        return True if collection_path.relative_to(ROOT).as_posix() in KIND_OF_FOLDER else None
-    return None
+    return _is_left_out(collection_path, config) or None
+
+
+def _is_left_out(path: Path, config: pytest.Config) -> bool:
+    folders = [ROOT / folder for folder in KIND_OF_FOLDER]
+    return config.option.markexpr == "fast" and any(path.is_relative_to(folder) for folder in folders)
+
+
+def pytest_configure() -> None:
+    """While tests are collected nothing goes that was made, and looking for it took a third of the time."""
+    gc.disable()
+    load_for_workers()
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Import the test modules of a whole run, each process from another one on.
+
+    Rewriting assertions takes longer than importing. Who comes second to a module reads what the first one kept.
+    """
+    number_of = getattr(session.config, "workerinput", None)
+    if number_of is None or session.config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+        return
+    modules = [path for path in sorted(ROOT.rglob("test_*.py")) if not _is_left_out(path, session.config)]
+    first = int(number_of["workerid"].removeprefix("gw")) * len(modules) // number_of["workercount"]
+    for path in modules[first:] + modules[:first]:
+        with suppress(Exception):  # collection tells
+            import_module(".".join(path.relative_to(ROOT.parent).with_suffix("").parts))
+
+
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Long values are named by their beginning: processes send names to and fro, and hostile files are megabytes."""
+    return ascii(val[:60]) if isinstance(val, str | bytes) and len(val) > 200 else None
+
+
+def pytest_collection_finish() -> None:
+    """From now on garbage is looked for, but not among what modules and tests hold to the end."""
+    gc.enable()
+    gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)  # pytest-xdist reads the groups in the same hook

@@ -9,7 +9,7 @@ from app.http.paths import MOSAIC_PATHS, RECTIFY_PATHS
 from app.http.uploads import BodyLimits
 from app.settings import Settings
 
-_SPARE_BYTES = 65_536
+SPARE_BYTES = 65_536
 """Bytes over the limit of a field that are still read, so that the route's error can name the field."""
 _ESCAPED = 3
 """A form that is not multipart has three characters for one."""
@@ -30,7 +30,7 @@ def body_limits_of(settings: Settings) -> tuple[BodyLimits, Mapping[str, BodyLim
         size_setting="",
         plain_setting="",
     )
-    zones_bytes = settings.max_zones_bytes + _SPARE_BYTES
+    zones_bytes = settings.max_zones_bytes + SPARE_BYTES
     zones = replace(
         plain,
         max_upload_bytes=zones_bytes,

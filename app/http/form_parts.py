@@ -14,7 +14,8 @@ from starlette.formparsers import FormParser, MultiPartException, MultiPartParse
 
 from services.errors import DocumentError, TooLarge
 
-_LONGEST_NAME = 80
+LONGEST_NAME = 80
+"""Of a part or an option, as errors show it."""
 _FORMS = ("multipart/form-data", "application/x-www-form-urlencoded")
 
 
@@ -115,7 +116,7 @@ class _NamingParser(MultiPartParser):
         """
         part = self._current_part
         if part.file is None and len(part.data) + end - start > self.max_part_size:
-            name = part.field_name[:_LONGEST_NAME]
+            name = part.field_name[:LONGEST_NAME]
             raise TooLarge(
                 f"{name}: a field of a form may have {self.max_part_size} bytes. Send images and other files as file "
                 "parts (with a filename).",

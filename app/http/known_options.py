@@ -11,18 +11,15 @@ from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from starlette.datastructures import UploadFile
 
+from app.http.form_parts import LONGEST_NAME
 from app.http.paths import PathTemplates
 from services.errors import InvalidOption
 
-_LONGEST_NAME = 80
 Form = TypeVar("Form", bound=BaseModel)
 
 
-def known_parts(model: type[BaseModel], once: str = "") -> Any:
-    """Dependency of a route: the form has only parts that `model` has, and each of them once unless it is a list.
-
-    `once` is added to the error about a file part that was sent twice.
-    """
+def known_parts(model: type[BaseModel]) -> Any:
+    """Dependency of a route: the form has only parts that `model` has, and each of them once unless it is a list."""
     kinds = {name: set(_kinds(field.annotation)) for name, field in model.model_fields.items()}
     files = [name for name, kind in kinds.items() if UploadFile in kind]
     needs_file = any(model.model_fields[name].is_required() for name in files)
@@ -33,15 +30,12 @@ def known_parts(model: type[BaseModel], once: str = "") -> Any:
             return  # not multipart/form-data, or no file at all; validation says what is missing
         counts = Counter(name for name, _ in form.multi_items())
         for name, part in form.multi_items():
-            shown = name[:_LONGEST_NAME]
+            shown = name[:LONGEST_NAME]
             is_file = isinstance(part, UploadFile)
             if name not in kinds:
                 raise InvalidOption(f"{shown}: {_advice(name, is_file, files, list(kinds))}", shown)
             if counts[name] > 1 and list not in kinds[name]:
-                advice = once if UploadFile in kinds[name] else ""
-                raise InvalidOption(
-                    f"{name}: this part was sent {counts[name]} times; send it once. {advice}".rstrip(), name
-                )
+                raise InvalidOption(f"{name}: this part was sent {counts[name]} times; send it once.", name)
             if is_file and UploadFile not in kinds[name]:
                 raise InvalidOption(f"{name}: this option is a text field; send it without a filename.", name)
 
@@ -71,7 +65,7 @@ def _advice(name: str, is_file: bool, files: list[str], names: list[str]) -> str
 
 def no_such_option(name: str, names: Sequence[str], listed: Sequence[str] | None = None) -> str:
     """That an option is unknown, with the one of `names` that is meant, or all that are `listed` (None: all)."""
-    similar = get_close_matches(name[:_LONGEST_NAME], names, 1)
+    similar = get_close_matches(name[:LONGEST_NAME], names, 1)
     if similar:
         return f"there is no such option; did you mean `{similar[0]}`?"
     return f"there is no such option. The options are {', '.join(names if listed is None else listed)}."
@@ -121,7 +115,7 @@ class KnownQueryOptions:
             return
         counts = Counter(name for name, _ in request.query_params.multi_items())
         for name, count in counts.items():
-            shown = name[:_LONGEST_NAME]
+            shown = name[:LONGEST_NAME]
             if name not in known:
                 other = (
                     f"The query options of this path are: {', '.join(known)}."

@@ -18,11 +18,10 @@ from app.http.upload_places import UploadPlaces
 from app.http.uploads import IS_JOB, ClientGone
 from app.http.wishes import prefers_async
 from app.jobs.registry import KEY_HEADER, JobCancelled, Jobs
-from app.jobs.stored_request import describe_request
+from app.jobs.stored_request import READ_BYTES, describe_request
 from models.job_records import StoredJob
 
 _IN_MEMORY_BYTES = 256 * 1024
-_READ_BYTES = 1 << 20
 BEFORE_JOBS = 1
 """Priority of requests whose clients wait for the answer."""
 
@@ -136,5 +135,5 @@ class JobAdmission:
 
 
 def _parts(file: IO[bytes]) -> Iterator[bytes]:
-    while part := file.read(_READ_BYTES):
+    while part := file.read(READ_BYTES):
         yield part

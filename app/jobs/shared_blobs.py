@@ -2,8 +2,9 @@
 
 import logging
 import uuid
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
+from app.jobs.registry import ORPHANED_AFTER
 from app.storage.blobs import BlobAccess
 from app.storage.layout_store import LayoutStore
 from models.blobs import BlobNotFound
@@ -15,7 +16,6 @@ LOOK_EVERY_S = 20.0
 """Pause between two looks; the first one is at the start."""
 _LASTS_S = 90.0
 """Time after which a process that was killed counts as gone."""
-_ORPHANED_AFTER = timedelta(hours=1)
 _KIND = "process"
 _FOLDER = "processes"
 _MARK = b"a process that shares these blobs"
@@ -36,7 +36,7 @@ class SharedBlobs:
         """Renew the own mark, and look for the others. Raises `StoreError`."""
         await self._blobs.put(_key(self._own), _MARK, len(_MARK))
         if not self._is_there:
-            before = datetime.now(UTC) - _ORPHANED_AFTER
+            before = datetime.now(UTC) - ORPHANED_AFTER
             await self._blobs.sweep(_FOLDER, before, lambda key: False)  # living processes renew theirs
         self._is_there = True
         hidden = [name for name in await self._others() if not await self._is_visible(name)]

@@ -17,7 +17,8 @@ from app.logs import trace_of
 from models.job_records import RequestJson
 from services.progress import ProgressSink
 
-_READ_BYTES = 1 << 20
+READ_BYTES = 1 << 20
+"""Of a file at once."""
 _KEPT_HEADERS = ("accept", "if-match", "if-none-match")
 """Headers that change an answer."""
 RUN = "job_run"
@@ -81,7 +82,7 @@ def _form_parts(form: FormData, boundary: str) -> Iterator[bytes]:
             continue
         yield _head(part.headers)
         part.file.seek(0)
-        while data := part.file.read(_READ_BYTES):
+        while data := part.file.read(READ_BYTES):
             yield data
         part.file.seek(0)
         yield b"\r\n"

@@ -24,7 +24,7 @@ from difflib import get_close_matches
 from typing import cast
 
 from app.engine.base import Busy, JobTimedOut
-from app.learning.given_feedback import GivenFeedback, given_feedback
+from app.learning.given_feedback import MOST_NAMED, GivenFeedback, given_feedback
 from app.learning.lessons import lesson_document, teach
 from app.learning.samples import newest_samples
 from app.learning.undo import NotUndoable, fresh_models, models_without
@@ -50,7 +50,6 @@ processes that do nothing else, one feedback in 10 000 fails every time."""
 LONGEST_PAUSE_S = 0.05
 """Longest pause between two tries: about the time of one adaptation."""
 
-_MOST_NAMED = 20
 _random = random.Random()
 
 
@@ -196,7 +195,7 @@ def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[War
     given = dict.fromkeys(zone.get("label") for zone in adaptation.sample["zones"])
     new = [label for label in given if label is not None and label not in known]
     warnings = []
-    for label in new[:_MOST_NAMED]:
+    for label in new[:MOST_NAMED]:
         near = get_close_matches(label, known, 1)
         hint = f" The nearest existing label is {near[0]!r}." if near else ""
         detail = (

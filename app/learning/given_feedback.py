@@ -22,7 +22,8 @@ from services.contract.result_json import (
 )
 from services.errors import InvalidOption
 
-_MOST_NAMED = 20
+MOST_NAMED = 20
+"""Of new labels, and of a result's pages, in one message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +194,7 @@ def _places(page: PageJson) -> dict[str, list[float]]:
 
 def _require_single_page(document: StoredResultJson) -> None:
     if "page" not in document:
-        pages = ", ".join(document["pages"][:_MOST_NAMED])
+        pages = ", ".join(document["pages"][:MOST_NAMED])
         raise InvalidOption(
             f"id: this document has {len(document['pages'])} pages. Send the feedback on each page to the result of "
             f"that page ({pages}).",

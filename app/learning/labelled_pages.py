@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 
+from app.http.body_limits import SPARE_BYTES
 from app.http.ocr_languages import chosen_language
 from app.settings import Settings
 from services.contract.images import DocumentLimits
@@ -105,17 +106,13 @@ async def labelled_page(request: Request, settings: Settings) -> AsyncIterator[L
         _check_size(len(body), "zones", settings.max_zones_bytes)
         yield LabelledPageUpload(None, body)
     elif media_type == "multipart/form-data":
-        most = settings.max_zones_bytes + _SPARE_BYTES
+        most = settings.max_zones_bytes + SPARE_BYTES
         async with request.form(max_files=8, max_fields=50, max_part_size=most) as form:
             yield _parts(form, settings)
     else:
         raise MissingPart(
             "Send the labelled page as application/json, or as multipart/form-data with `zones` or `zones_file`."
         )
-
-
-_SPARE_BYTES = 65_536
-"""Bytes over its limit that are still read of a field, so that the error can name the limit."""
 
 
 def _parts(form: FormData, settings: Settings) -> LabelledPageUpload:

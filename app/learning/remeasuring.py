@@ -27,9 +27,9 @@ _ATTEMPTS = 5
 """Feedback may make a version while a model is computed; it is then computed again, with the new sample."""
 
 
-def remeasure(names: Sequence[str], app: FastAPI | None = None, settings: Settings | None = None) -> int:
+def remeasure(names: Sequence[str], app: FastAPI | None = None) -> int:
     """Measure the samples of the named classes (none named: of all); the exit status, 1 if something failed."""
-    settings = settings or Settings()
+    settings = Settings()
     configure_logs(settings.log_level)
     if not settings.workers:
         sys.exit("WORKERS=0: samples are measured by workers.")

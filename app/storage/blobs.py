@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,6 +14,8 @@ from models.errors import StoreError, StoreUnavailable
 T = TypeVar("T")
 FOLDER = "blobs"
 """Folder of the blobs in the data folder, where no bucket is configured."""
+ALL_BLOBS = timedelta(days=1)
+"""From now: blobs that were written before then are all blobs, even if clocks differ."""
 MOST_THREADS = 4
 """Blobs that are written or read at once; one disk is not faster with more."""
 PROBE_TIMEOUT_S = 0.7

@@ -2,16 +2,13 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
-from app.storage.blobs import BlobAccess
+from app.storage.blobs import ALL_BLOBS, BlobAccess
 from app.storage.layout_store import LayoutStore
 from models.blobs import BlobNotFound
 from models.errors import ResultNotFound
 from models.repository import Store
-
-_ALL = timedelta(days=1)
-"""From now: blobs that were written before then are all blobs, even if clocks differ."""
 
 
 class KeptImages:
@@ -62,7 +59,7 @@ class KeptImages:
     async def forget(self, result_ids: Collection[str]) -> None:
         """Delete the pictures of results."""
         for result_id in result_ids:
-            await self._blobs.sweep(f"{self._folder}/{result_id}", _now() + _ALL, lambda key: False)
+            await self._blobs.sweep(f"{self._folder}/{result_id}", _now() + ALL_BLOBS, lambda key: False)
 
     async def sizes(self) -> dict[str, int]:
         """Number of bytes of the picture of each id that has one."""
@@ -76,7 +73,7 @@ class KeptImages:
             keys[key.split("/")[1]].append(key)
             return True
 
-        await self._blobs.sweep(self._folder, _now() + _ALL, note)
+        await self._blobs.sweep(self._folder, _now() + ALL_BLOBS, note)
         return keys
 
     async def sweep(self) -> int:

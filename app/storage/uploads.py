@@ -6,13 +6,13 @@ upload are put together when a request names it.
 
 import secrets
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import IO
 
 from anyio import to_thread
 
 from app.engine.base import Busy
-from app.storage.blobs import BlobAccess
+from app.storage.blobs import ALL_BLOBS, BlobAccess
 from app.storage.layout_store import LayoutStore
 from models.blobs import PART_BYTES, BlobNotFound
 from models.errors import UploadMoved, UploadNotFound, UploadsFull
@@ -27,8 +27,6 @@ _FOLDER = "uploads"
 _READ_BYTES = 1 << 20
 _COME_AGAIN_S = 60
 """The next sweep of what has expired."""
-_ALL = timedelta(days=1)
-"""From now: blobs that were written before then are all blobs, even if clocks differ."""
 
 
 class KeptUploads:
@@ -96,7 +94,7 @@ class KeptUploads:
     async def delete(self, upload_id: str) -> None:
         """Delete an upload. Raises `UploadNotFound`."""
         await self._store.call(lambda store: store.delete_upload(upload_id))
-        await self._blobs.sweep(f"{_FOLDER}/{upload_id}", datetime.now(UTC) + _ALL, lambda key: False)
+        await self._blobs.sweep(f"{_FOLDER}/{upload_id}", datetime.now(UTC) + ALL_BLOBS, lambda key: False)
 
     async def sweep(self) -> int:
         """Delete pieces whose upload is gone; their number."""
@@ -106,7 +104,7 @@ class KeptUploads:
             keys.append(key)
             return True
 
-        await self._blobs.sweep(_FOLDER, datetime.now(UTC) + _ALL, note)
+        await self._blobs.sweep(_FOLDER, datetime.now(UTC) + ALL_BLOBS, note)
         kept = await self._store.call(lambda store: store.kept_uploads({_id_of(key) for key in keys}))
         gone = [key for key in keys if _id_of(key) not in kept]
         if gone:

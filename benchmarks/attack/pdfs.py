@@ -103,25 +103,3 @@ def groups(levels: int = 30) -> bytes:
     page.Resources = Dictionary(XObject=Dictionary(F=last), ExtGState=state)
     page.Contents = document.make_indirect(Stream(document, b"/G gs /F Do"))
     return saved(document)
-
-
-def large_picture(side: int = 30_000) -> bytes:
-    """A picture of 2.7 GB whose data end after 64 MiB."""
-    document = pikepdf.new()
-    page = document.add_blank_page(page_size=A4)
-    packer = zlib.compressobj(9)
-    data = b"".join(packer.compress(bytes(1 << 20)) for _ in range(64)) + packer.flush()
-    picture = Stream(
-        document,
-        data,
-        Type=Name.XObject,
-        Subtype=Name.Image,
-        Width=side,
-        Height=side,
-        ColorSpace=Name.DeviceRGB,
-        BitsPerComponent=8,
-        Filter=Name.FlateDecode,
-    )
-    page.Resources = Dictionary(XObject=Dictionary(I=document.make_indirect(picture)))
-    page.Contents = document.make_indirect(Stream(document, b"595 0 0 842 0 0 cm /I Do"))
-    return saved(document)

@@ -18,7 +18,7 @@ _SOURCES = (
     "services/layout/**/*.py",
     "services/contract/*.py",
     "services/operations/*.py",
-    "benchmarks/layout_*.py",
+    "benchmarks/layout/*.py",
 )
 """The code that a layout benchmark measures and is made of, beside the module of the part."""
 

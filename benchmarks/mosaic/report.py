@@ -55,7 +55,6 @@ class SetFigures:
     by_photo_px: tuple[float, ...] = ()
     unplaced: tuple[int, ...] = ()
     true_overlaps: dict[str, float] = field(default_factory=dict)
-    found_pairs: dict[str, float] = field(default_factory=dict)
     score: Score | None = None
     clean: Score | None = None
     usage: Usage = field(default_factory=Usage)

@@ -20,7 +20,7 @@ from benchmarks.common.places import BASELINE, data_folder
 from benchmarks.common.residuals import fit_similarity, mesh_on_page
 from benchmarks.rectify.cases import load_pages
 from benchmarks.rectify.sheet_experiments import CROSSED, CRUMPLED, FOLDED, LAMPS
-from benchmarks.rectify.whole_sheets import pose_of_width
+from benchmarks.rectify.whole_sheets import MARGIN, SIZE, SMOOTH, pose_of_width
 from services.contract.mosaic import MosaicParameters
 from services.contract.rectify import RectifyParameters
 from services.errors import DocumentError
@@ -30,17 +30,14 @@ from services.rectify.pipeline import rectify
 from simulation.degradation import PHONE
 from simulation.flat_page import Page, Points
 from simulation.photo import SimulatedPhoto
-from simulation.scenes import BOOK, CONE, PLANE, WAVE, View
+from simulation.scenes import View
 from simulation.sheets import take_photo, with_margins
 from simulation.surfaces import Shape
 from simulation.truth import Truth
 
 NAME = "mosaic_whole_views"
-_SIZE = (1600, 2000)
 _SETS = 6
 """Of each kind."""
-_MARGIN = 0.08
-"""Blank paper beside the print, as a share of the sheet's width."""
 _LOST = 100.0
 """Error of a photo or a set without an answer, percent."""
 METRICS = {"joint_percent": Metric(0.02), "joint_95_percent": Metric(0.05)}
@@ -66,12 +63,11 @@ class WholeViews:
     @property
     def shape(self) -> Shape:
         """The sheet's."""
-        smooth: dict[str, Shape] = {"plane": PLANE, "book": BOOK, "wave": WAVE, "cone": CONE}
         creased = {"folded": FOLDED, "crossed": CROSSED, "crumpled": CRUMPLED}
-        return smooth[self.kind] if self.kind in smooth else creased[self.kind][self.number]
+        return SMOOTH[self.kind] if self.kind in SMOOTH else creased[self.kind][self.number]
 
 
-KINDS = ("plane", "book", "wave", "cone", "folded", "crossed", "crumpled")
+KINDS = (*SMOOTH, "folded", "crossed", "crumpled")
 
 
 def all_sets() -> Iterator[WholeViews]:
@@ -85,12 +81,12 @@ def photograph(case: WholeViews, pages: Sequence[Page]) -> list[SimulatedPhoto]:
     """The photos of a set; what is drawn depends on its number alone."""
     number = list(all_sets()).index(case)
     rng = np.random.default_rng(9000 + number)
-    page = with_margins(pages[number % len(pages)], _MARGIN)
+    page = with_margins(pages[number % len(pages)], MARGIN)
     focal_length_px = rng.uniform(2000, 3200)
     photos = []
     for place in range(case.photos):
         view = View(case.name, focal_length_px, rng.uniform(4, 32), rng.uniform(0, 360), rng.uniform(-12, 12))
-        camera = view.camera(*_SIZE)
+        camera = view.camera(*SIZE)
         pose = pose_of_width(view, page, case.shape, camera, rng.uniform(0.5, 0.68))
         truth = Truth(page, case.shape, 0.0, pose, camera)
         photos.append(take_photo(truth, LAMPS[(number + place) % len(LAMPS)], PHONE, rng))

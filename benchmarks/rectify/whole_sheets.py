@@ -31,11 +31,11 @@ from simulation.sheets import take_photo, with_margins
 from simulation.surfaces import Shape
 from simulation.truth import Truth
 
-_SIZE = (1600, 2000)
-_SHAPES: dict[str, Shape] = {"plane": PLANE, "book": BOOK, "wave": WAVE, "cone": CONE}
+SIZE = (1600, 2000)
+SMOOTH: dict[str, Shape] = {"plane": PLANE, "book": BOOK, "wave": WAVE, "cone": CONE}
 _SHARES = {"two thirds": 2 / 3, "half": 0.5}
 _POSES = 12
-_MARGIN = 0.08
+MARGIN = 0.08
 """Blank paper beside the print, as a share of the sheet's width."""
 METRICS = {"mesh_percent": Metric(0.02), "field_of_view_deg": Metric(0.1)}
 """Figures of a photo that are compared with the committed ones."""
@@ -58,7 +58,7 @@ class WholeSheet:
 def all_sheets() -> Iterator[WholeSheet]:
     """Shapes and sizes in turns, so that any first few are varied."""
     for pose in range(_POSES):
-        for shape in _SHAPES:
+        for shape in SMOOTH:
             for share in _SHARES:
                 yield WholeSheet(shape, share, pose)
 
@@ -70,8 +70,8 @@ def photograph_whole(case: WholeSheet, pages: Sequence[Page]) -> SimulatedPhoto:
     view = View(
         case.name, rng.uniform(2000, 3200), rng.uniform(4, 32), rng.uniform(0, 360), rng.uniform(-12, 12)
     )
-    page = with_margins(pages[number % len(pages)], _MARGIN)
-    camera, shape = view.camera(*_SIZE), _SHAPES[case.shape]
+    page = with_margins(pages[number % len(pages)], MARGIN)
+    camera, shape = view.camera(*SIZE), SMOOTH[case.shape]
     pose = pose_of_width(view, page, shape, camera, _SHARES[case.share])
     return take_photo(Truth(page, shape, 0.0, pose, camera), LAMPS[number % len(LAMPS)], PHONE, rng)
 
@@ -111,7 +111,7 @@ def main(arguments: Sequence[str]) -> int:
     for case in list(all_sheets())[: asked.limit]:
         found = figures[case.name] = measure(photograph_whole(case, pages))
         print(f"{case.name:20s} mesh {found['mesh_percent']:.3f} % of the width", flush=True)
-    for shape in (*_SHAPES, ""):
+    for shape in (*SMOOTH, ""):
         errors = [found["mesh_percent"] for name, found in figures.items() if name.startswith(shape)]
         if errors:
             print(

@@ -70,10 +70,10 @@ class PhotoCalibration:
     tiny_letters: float = 1.06
 
 
-def photo_variables(quality: CaptureQuality, model: ErrorModel | None = None) -> tuple[float, float]:
+def photo_variables(quality: CaptureQuality) -> tuple[float, float]:
     """The variables of `PhotoCalibration`: the logit of `ErrorModel`'s share, and e-folds below `TINY_LETTER_PX`."""
     tiny = math.log(TINY_LETTER_PX / max(quality.letter_px, 1.0))
-    return _logit(_predict_misread(quality, model or ErrorModel())), max(tiny, 0.0)
+    return _logit(_predict_misread(quality, ErrorModel())), max(tiny, 0.0)
 
 
 def predict_character_error(quality: CaptureQuality, calibration: PhotoCalibration | None = None) -> float:

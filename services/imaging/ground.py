@@ -106,9 +106,9 @@ class Ground:
         return float(np.percentile(depth[step // 2 : 2 * step], 75))
 
 
-def find_ground(photo: RgbImage | Halves, parameters: GroundParameters | None = None) -> Ground | None:
+def find_ground(photo: RgbImage | Halves) -> Ground | None:
     """The ground of `photo` (H, W, 3); None if it is not of one kind up to the photo's frame."""
-    p = parameters or GroundParameters()
+    p = GroundParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
     factor = min(1.0, p.long_side_px / max(height, width))

@@ -11,6 +11,8 @@ from services.arrays import Floats, Points
 GRID_STEP_PX = 16
 """A page's map is exact at every 16th output pixel: one that bends with a radius of a thousand pixels is then drawn
 within 0.03 pixels."""
+MAX_REDUCTION = 12.0
+"""Most photo pixels per pixel of a page along one axis: a page needs fewer."""
 _NO_SECOND_MAP: Any = None
 """OpenCV's own annotations demand one; an empty array is not the same, it gives wrong values."""
 

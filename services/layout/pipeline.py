@@ -62,9 +62,9 @@ LIGHT_GROUND = 96
 """Median gray level of the darkest photos of white paper; light print on dark ground stays below."""
 
 
-def read_page(image: RgbImage, engine: OcrEngine | None, features: ContentFeatures | None = None) -> Page:
+def read_page(image: RgbImage, engine: OcrEngine | None) -> Page:
     """The page of an image (H, W, 3): its zones with measurements, and with texts if there is an OCR engine."""
-    return fine_page(image, read_words(luminance(image), engine), features)[0]
+    return fine_page(image, read_words(luminance(image), engine))[0]
 
 
 def fine_page(

@@ -5,13 +5,12 @@ from typing import cast
 
 from services.contract.layout_learning import Correction
 from services.contract.result_json import ClassJson, FieldJson, LabelledZoneJson, ResultJson, WordJson
+from services.layout.learning.revised_zones import are_one_place
 from services.layout.page import Box, Page, Zone, ZoneWord
 from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.operations.layout_result import describe_fields
 from services.operations.replies import to_json_ready
 
-_SAME_PX = 1.0
-"""Largest distance of the sides of one zone, as in `services.layout.learning.revised_zones`."""
 _SAID = 1.0
 """Confidence of what a person has said."""
 
@@ -61,7 +60,7 @@ def _zone(
     label, text = correction.labels[zone["id"]], zone["text"]
     shown: LabelledZoneJson = {**zone}
     shown.pop("found", None)
-    if before is not None and _are_one_place(zone["box"], before["box"]):
+    if before is not None and are_one_place(zone["box"], before["box"]):
         shown = {**before, "order": zone["order"], "kind": zone["kind"]}
         if text != before["text"]:
             shown["text"], shown["text_confidence"] = text, None
@@ -77,10 +76,6 @@ def _zone(
             "text": before["text"],
         }
     return shown
-
-
-def _are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
-    return max(abs(a - b) for a, b in zip(first, second, strict=True)) <= _SAME_PX
 
 
 def _class(name: str | None, classes: Sequence[ClassJson]) -> ClassJson | None:

@@ -12,7 +12,7 @@ from services.errors import TooLarge
 from services.imaging.codec import encode_image
 from services.operations.reduced_views import reduce_picture, reduced_size
 
-_QUALITY = 85
+PICTURE_QUALITY = 85
 """Print stays clear, and an A4 page at 200 dpi has 0.5 MB."""
 _FILLED = 0.9
 """Share of the bytes that a smaller picture aims at; bytes fall somewhat slower than pixels."""
@@ -44,7 +44,7 @@ def encode_kept_picture(page: RgbImage, most_bytes: int) -> KeptPicture:
         small = (
             page if (width, height) == (page.shape[1], page.shape[0]) else reduce_picture(page, width, height)
         )
-        body = encode_image(small, "jpeg", _QUALITY)
+        body = encode_image(small, "jpeg", PICTURE_QUALITY)
         if len(body) <= most_bytes:
             return KeptPicture(body, width, height)
         if max(width, height) == 1:
@@ -67,4 +67,4 @@ def resize_kept_picture(picture: bytes, width: int) -> bytes:
         size = reduced_size(*opened.size, width, None)
         opened.draft("RGB", size)  # decodes half, a quarter or an eighth of the pixels where that is enough
         pixels = np.asarray(opened.convert("RGB"))
-    return encode_image(reduce_picture(pixels, *size), "jpeg", _QUALITY)
+    return encode_image(reduce_picture(pixels, *size), "jpeg", PICTURE_QUALITY)

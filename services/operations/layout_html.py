@@ -13,12 +13,11 @@ from services.layout.page import Box
 from services.layout.rendering.html_elements import choose_element
 from services.layout.rendering.html_file import HtmlPicture, HtmlZone, write_html
 from services.ocr.languages import language_tag
-from services.operations.kept_picture import read_kept_picture
+from services.operations.kept_picture import PICTURE_QUALITY, read_kept_picture
 from services.operations.reduced_views import reduce_picture, reduced_size
 
 _LONGEST_SIDE_PX = 1600
 """Of an embedded picture; wider than most screens show a text column."""
-_QUALITY = 85
 _MOST_AREA = 2.0
 """Area of all pictures of a page in areas of the page. Zones of other segmenters may overlap; 500 zones of the whole
 page would be 500 pictures of it. Later pictures are left out."""
@@ -85,4 +84,4 @@ def _cut_out(pixels: RgbImage, box: Box, scale: float) -> HtmlPicture:
     size = reduced_size(x1 - x0, y1 - y0, _LONGEST_SIDE_PX, _LONGEST_SIDE_PX)
     if size != (x1 - x0, y1 - y0):
         part = reduce_picture(part, *size)
-    return HtmlPicture(encode_image(np.ascontiguousarray(part), "jpeg", _QUALITY), *size)
+    return HtmlPicture(encode_image(np.ascontiguousarray(part), "jpeg", PICTURE_QUALITY), *size)

@@ -19,12 +19,17 @@ from app.schemas.photo_points import REGION_PATTERN, parse_region
 from app.settings import Settings
 from tests.app.scripted import OPERATIONS
 
-DOCUMENT = create_app(Settings(api_keys=()), OPERATIONS).openapi()
+
+@cache
+def described() -> dict[str, Any]:
+    """The document of a service without keys, made when a test asks: collecting tests does not wait for it."""
+    document: dict[str, Any] = create_app(Settings(api_keys=()), OPERATIONS).openapi()
+    return document
 
 
 def test_every_route_is_documented_and_every_job_is_admitted() -> None:
     routes = [route for router in ROUTERS for route in router.routes if isinstance(route, APIRoute)]
-    assert {route.path for route in routes} == DOCUMENT["paths"].keys()
+    assert {route.path for route in routes} == described()["paths"].keys()
     methods = {(method, route.path) for route in routes for method in route.methods}
     writes = {(method, path) for method, path in methods if method in {"POST", "PUT"}}
     of_the_store_alone = {
@@ -41,14 +46,17 @@ def test_every_route_is_documented_and_every_job_is_admitted() -> None:
 
 def test_every_route_stands_under_a_heading_that_is_explained() -> None:
     used = {
-        tag for path in DOCUMENT["paths"].values() for operation in path.values() for tag in operation["tags"]
+        tag
+        for path in described()["paths"].values()
+        for operation in path.values()
+        for tag in operation["tags"]
     }
-    assert used == {tag["name"] for tag in DOCUMENT["tags"]}
-    assert all(tag["description"] for tag in DOCUMENT["tags"])
+    assert used == {tag["name"] for tag in described()["tags"]}
+    assert all(tag["description"] for tag in described()["tags"])
 
 
 def test_problems_are_documented_as_problems() -> None:
-    for path in DOCUMENT["paths"].values():
+    for path in described()["paths"].values():
         for operation in path.values():
             for status, response in operation["responses"].items():
                 if not status.startswith("2"):
@@ -57,8 +65,8 @@ def test_problems_are_documented_as_problems() -> None:
                     # A conflict with what the writer expects is 412, any other 409.
                     statuses = {STATUS_OF_CODE[code_in(response)]}
                     assert int(status) in (statuses | {412} if code_in(response) == "conflict" else statuses)
-    assert "HTTPValidationError" not in DOCUMENT["components"]["schemas"]
-    assert DOCUMENT["components"]["schemas"]["Problem"]["properties"].keys() >= {
+    assert "HTTPValidationError" not in described()["components"]["schemas"]
+    assert described()["components"]["schemas"]["Problem"]["properties"].keys() >= {
         "code",
         "detail",
         "request_id",
@@ -66,7 +74,7 @@ def test_problems_are_documented_as_problems() -> None:
 
 
 def test_whoever_takes_a_precondition_may_refuse_it() -> None:
-    for path in DOCUMENT["paths"].values():
+    for path in described()["paths"].values():
         for operation in path.values():
             headers = {parameter["name"].lower() for parameter in operation.get("parameters", ())}
             is_conditional = bool(headers & {"if-match", "if-none-match", "tus-resumable"})
@@ -81,7 +89,7 @@ def code_in(response: dict[str, str]) -> str:
 
 
 def test_the_form_is_documented_field_by_field() -> None:
-    fields = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]
+    fields = described()["components"]["schemas"]["RectifyForm"]["properties"]
     assert list(fields) == [
         "image", "kind", "upright", "focal_length_px", "region", "corners", "rotate", "margin", "illumination", "crop",
         "pages", "paper", "on_no_text", "preview", "keep_photo", "camera", "text", "language", "format",
@@ -94,7 +102,7 @@ def test_the_form_is_documented_field_by_field() -> None:
 
 
 def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
-    fields = DOCUMENT["components"]["schemas"]["MosaicForm"]["properties"]
+    fields = described()["components"]["schemas"]["MosaicForm"]["properties"]
     assert list(fields) == [
         "images", "rectify", "base", "composition", "upright", "rotate", "illumination", "keep_photo", "camera", "text",
         "language", "format", "quality", "embed", "embed_format", "max_width", "max_height", "pdf_version", "title",
@@ -107,7 +115,7 @@ def test_the_form_of_a_mosaic_is_documented_field_by_field() -> None:
 
 
 def test_the_form_of_a_layout_is_documented_field_by_field() -> None:
-    schemas = DOCUMENT["components"]["schemas"]
+    schemas = described()["components"]["schemas"]
     fields = schemas["LayoutForm"]["properties"]
     assert list(fields) == [
         "image", "zones", "zones_file", "rectify", "ocr", "language", "models", "format", "keep_image", "page",
@@ -119,11 +127,11 @@ def test_the_form_of_a_layout_is_documented_field_by_field() -> None:
 
 
 def test_files_are_binary_and_no_form_has_a_condition_on_its_parts() -> None:
-    text = json.dumps(DOCUMENT)
+    text = json.dumps(described())
     # Counted: pytest would take minutes to show where in the text it stands.
     assert text.count('"contentMediaType": "application/octet-stream"') == 0
     assert text.count("*/*") == 0
-    schemas = DOCUMENT["components"]["schemas"]
+    schemas = described()["components"]["schemas"]
     for form, name in (("LayoutForm", "zones_file"), ("SampleForm", "image")):
         assert schemas[form]["properties"][name]["format"] == "binary"
     for form, name in (("MosaicForm", "images"), ("LayoutForm", "image"), ("RectifyForm", "image")):
@@ -133,17 +141,17 @@ def test_files_are_binary_and_no_form_has_a_condition_on_its_parts() -> None:
 
 def test_no_two_schemas_have_one_name() -> None:
     """FastAPI would name both by their modules, and generators make both the same class."""
-    titles = [schema.get("title", name) for name, schema in DOCUMENT["components"]["schemas"].items()]
+    titles = [schema.get("title", name) for name, schema in described()["components"]["schemas"].items()]
     assert sorted(titles) == sorted(set(titles))
-    assert [name for name in DOCUMENT["components"]["schemas"] if "__" in name] == []
+    assert [name for name in described()["components"]["schemas"] if "__" in name] == []
 
 
 def test_nothing_in_the_document_has_a_misleading_default() -> None:
-    quality = DOCUMENT["components"]["schemas"]["RectifyForm"]["properties"]["quality"]
+    quality = described()["components"]["schemas"]["RectifyForm"]["properties"]["quality"]
     assert ("default" in quality, quality["examples"]) == (False, [90])
     prefer = [
         parameter
-        for parameter in DOCUMENT["paths"]["/rectify"]["post"]["parameters"]
+        for parameter in described()["paths"]["/rectify"]["post"]["parameters"]
         if parameter["name"] == "Prefer"
     ]
     assert [sorted(parameter) for parameter in prefer] == [
@@ -152,7 +160,7 @@ def test_nothing_in_the_document_has_a_misleading_default() -> None:
 
 
 def test_no_operation_has_two_options_of_one_name() -> None:
-    for path, operation in operations_of(DOCUMENT):
+    for path, operation in operations_of(described()):
         parameters = [parameter["name"] for parameter in operation.get("parameters", ())]
         for content in operation.get("requestBody", {}).get("content", {}).values():
             names = [*parameters, *resolved(content["schema"]).get("properties", ())]
@@ -162,19 +170,19 @@ def test_no_operation_has_two_options_of_one_name() -> None:
 def resolved(schema: dict[str, Any]) -> dict[str, Any]:
     if "$ref" not in schema:
         return schema
-    found: dict[str, Any] = DOCUMENT["components"]["schemas"][schema["$ref"].rpartition("/")[2]]
+    found: dict[str, Any] = described()["components"]["schemas"][schema["$ref"].rpartition("/")[2]]
     return found
 
 
 def test_parameters_are_of_one_type_and_never_null() -> None:
-    for path, operation in operations_of(DOCUMENT):
+    for path, operation in operations_of(described()):
         for parameter in operation.get("parameters", ()):
             assert "anyOf" not in parameter["schema"], (path, parameter["name"])
 
 
 def test_operations_of_one_answer_say_nothing_that_generators_cannot_type() -> None:
     for path in (*RECTIFY_PATHS[1:], *MOSAIC_PATHS[1:]):
-        answer = DOCUMENT["paths"][path]["post"]["responses"]["200"]
+        answer = described()["paths"][path]["post"]["responses"]["200"]
         schemas = [content["schema"] for content in answer["content"].values()]
         assert len({json.dumps(schema) for schema in schemas}) == 1, path
         for part in parts_of(schemas[0]):
@@ -194,11 +202,11 @@ def parts_of(part: Any) -> Iterator[dict[str, Any]]:
 
 
 def test_the_document_tells_keys_servers_and_licence_also_where_no_keys_are_set() -> None:
-    assert DOCUMENT["servers"] == [{"url": "/"}]
-    assert DOCUMENT["info"]["license"]["identifier"] == "Apache-2.0"
-    assert DOCUMENT["info"]["contact"]["name"]
+    assert described()["servers"] == [{"url": "/"}]
+    assert described()["info"]["license"]["identifier"] == "Apache-2.0"
+    assert described()["info"]["contact"]["name"]
     with_keys = create_app(Settings(api_keys=("a:reader:" + "0" * 64,)), OPERATIONS).openapi()
-    for document, needed in ((DOCUMENT, False), (with_keys, True)):
+    for document, needed in ((described(), False), (with_keys, True)):
         operation = document["paths"]["/rectify"]["post"]
         assert ({} in operation["security"]) is not needed
         assert {"401", "403"} <= operation["responses"].keys()
@@ -206,7 +214,7 @@ def test_the_document_tells_keys_servers_and_licence_also_where_no_keys_are_set(
 
 def test_every_operation_has_examples_that_fit_their_schemas() -> None:
     contents = 0
-    for _, operation in operations_of(DOCUMENT):
+    for _, operation in operations_of(described()):
         name = operation["operationId"]
         for media_type, content in operation.get("requestBody", {}).get("content", {}).items():
             if (media_type, name) != ("multipart/form-data", "add_layout_sample"):
@@ -231,11 +239,11 @@ def check(content: dict[str, Any]) -> int:
 @cache
 def validator_of(schema: str) -> jsonschema_rs.Validator:
     """Many operations share one schema, and to compile it with all others takes long."""
-    return jsonschema_rs.validator_for({**json.loads(schema), "components": DOCUMENT["components"]})
+    return jsonschema_rs.validator_for({**json.loads(schema), "components": described()["components"]})
 
 
 def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
-    schemas = DOCUMENT["components"]["schemas"]
+    schemas = described()["components"]["schemas"]
     surface = schemas["RectifyResult"]["properties"]["surface"]
     kinds = {
         kind: reference.rsplit("/", 1)[1] for kind, reference in surface["discriminator"]["mapping"].items()
@@ -249,7 +257,7 @@ def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
 
 def test_the_headers_of_images_are_documented() -> None:
     for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
-        headers = DOCUMENT["paths"][path]["post"]["responses"]["200"]["headers"]
+        headers = described()["paths"][path]["post"]["responses"]["200"]["headers"]
         pages = ["Document-Pages", "Document-Advice", "Document-Failed"] if path == "/rectify" else []
         common = ["Document-Rotation", "Document-Warnings", "Document-Page-Id", "Server-Timing"]
         assert list(headers) == [own, *common, *pages]

@@ -24,6 +24,7 @@ from tests.app.scripted import OPERATIONS, PAGE, model_document
 from tests.app.serving import serving
 from tests.counts import repeats
 
+MOST_PAGES = Settings().max_pages
 FILES = ("image", "images", "zones_file", "archive")
 OF_SHORTCUT = {
     "/rectify/image": "jpeg",
@@ -32,8 +33,13 @@ OF_SHORTCUT = {
     "/rectify/pages": "json",
 }
 """Formats of the operations whose answer is of one type."""
-DOCUMENT = create_app(Settings(api_keys=()), OPERATIONS).openapi()
-schema = schemathesis.openapi.from_dict(DOCUMENT)
+documented = schemathesis.pytest.from_fixture("document")
+
+
+@pytest.fixture(scope="module")
+def document() -> schemathesis.schemas.BaseSchema:
+    """Read when the test runs: by `parametrize` of the document itself every process makes all cases to collect."""
+    return schemathesis.openapi.from_dict(create_app(Settings(api_keys=()), OPERATIONS).openapi())
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +51,7 @@ def base_url() -> Iterator[str]:
         yield str(client.base_url)
 
 
-@schema.parametrize()
+@documented.parametrize()
 @settings(
     max_examples=repeats(8, 40), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )
@@ -142,7 +148,7 @@ def assume_a_form(body: dict[str, Any]) -> None:
 def assume_one_document(body: dict[str, Any], asked: str | None) -> None:
     """A document has a bounded number of pages; several have no region, and go into a format of several pages."""
     images = as_list(body.get("image", []))
-    assume(len(images) <= Settings().max_pages)
+    assume(len(images) <= MOST_PAGES)
     one_page = str(asked or body.get("format")).lower() in ("jpeg", "jpg", "png", "webp")
     assume(len(images) < 2 or not (one_page or body.get("region")))
 
@@ -169,7 +175,7 @@ def assume_parts_that_go_together(body: dict[str, Any]) -> None:
     # Zones are of one page, and a document has a bounded number of them.
     several = len(as_list(body.get("image", []))) > 1
     assume(not (has_zones and (several or "page" in body)))
-    assume(len(as_list(body.get("image", []))) <= Settings().max_pages)
+    assume(len(as_list(body.get("image", []))) <= MOST_PAGES)
     if "zones" in body:
         body["zones"] = json.dumps(PAGE)
     if "zones_file" in body:

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from models.repository import Store
+from tests.fork_server import CONTEXT
 from tests.models import writers
 from tests.models.databases import make_file
 from tests.models.whole_database import everything
-from tests.models.writers import CONTEXT, start
+from tests.models.writers import start
 
 
 def all_reports(pipes: list[Connection]) -> list[Any]:

@@ -11,11 +11,8 @@ from models.errors import VersionConflict
 from models.feedback_records import FeedbackDraft, ModelChange
 from models.repository import Store, utc_now
 from models.ulid import UlidFactory
+from tests.fork_server import CONTEXT
 
-CONTEXT = multiprocessing.get_context("forkserver")
-CONTEXT.set_forkserver_preload(
-    ["tests.models.writers", "sqlalchemy.dialects.sqlite", "sqlalchemy.dialects.postgresql", "psycopg"]
-)
 FILLING = "0123456789abcdef" * 3000
 """So that one write is of several pages."""
 

@@ -79,13 +79,12 @@ def measure_line_profiles(
     angles: Vector,
     reach: tuple[float, float],
     text_height: float,
-    parameters: ProfileParameters | None = None,
 ) -> LineProfiles:
     """Profiles along the rulings through `points` (N, 2) at `angles` (N,), from reach[0] to reach[1] along each.
 
     Centred unit coordinates throughout, but for the pixels of `ink`.
     """
-    p = parameters or ProfileParameters()
+    p = ProfileParameters()
     step = p.sampling * text_height
     count = int(np.clip((reach[1] - reach[0]) / step, 8, 4000)) + 1
     places, step = np.linspace(reach[0], reach[1], count, retstep=True)
@@ -167,12 +166,12 @@ def principal_wave_lengths(
     return np.where(band.max(axis=1) > 1e-9, 1 / np.maximum(own, frequency[wanted][0]), 0.0)
 
 
-def find_line_edges(profiles: LineProfiles, parameters: ProfileParameters | None = None) -> list[LineEdges]:
+def find_line_edges(profiles: LineProfiles) -> list[LineEdges]:
     """Tops (rising edges) and bottoms (falling ones) of the text lines on every ruling, between samples.
 
     The profile is smoothed and compared with its own mean over one wave length (the adaptive threshold).
     """
-    p = parameters or ProfileParameters()
+    p = ProfileParameters()
     found = []
     for profile, wave in zip(profiles.profiles, profiles.wave_lengths, strict=True):
         if wave <= 0:

@@ -66,7 +66,6 @@ def detect_projected_rulings(
     text_points: Points,
     minor_at: Directions | None = None,
     trust_at: Weights | None = None,
-    parameters: RulingParameters | None = None,
 ) -> ProjectedRulings:
     """Rulings of the page whose characters are at `text_points` (N, 2), all in centred unit coordinates.
 
@@ -77,7 +76,7 @@ def detect_projected_rulings(
     First one family of rulings is fitted to the whole page, then dynamic programming lets each ruling leave it for
     its own evidence, coarsely over the half circle and finely around that, never crossing its neighbour.
     """
-    p = parameters or RulingParameters()
+    p = RulingParameters()
     scene = _look(major_at, text_points, minor_at, trust_at, p)
     trials = []
     for first in _first_directions(scene, p):

@@ -67,13 +67,13 @@ class _Lines:
 
 
 def estimate_ruling_vanishing_points(
-    edges: list[LineEdges], points: Points, angles: Vector, parameters: SpacingParameters | None = None
+    edges: list[LineEdges], points: Points, angles: Vector
 ) -> RulingVanishingPoints:
     """Vanishing points of the rulings through `points` (N, 2) at `angles` (N,), from the `edges` along each.
 
     Places are counted from the points, along the angles, in centred unit coordinates.
     """
-    p = parameters or SpacingParameters()
+    p = SpacingParameters()
     fits = [fit_line_spacing(e, p) for e in edges]
     along = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
     at = np.column_stack([points, np.ones(len(points))])

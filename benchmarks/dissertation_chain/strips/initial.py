@@ -71,11 +71,9 @@ class InitialShape:
 def estimate_initial_shape(
     evidence: StripEvidence,
     knowledge: FocalKnowledge,
-    deviations: Deviations | None = None,
-    parameters: InitialParameters | None = None,
 ) -> InitialShape:
     """Best normals for every trial focal length, and the focal length where a cubic through the objective is least."""
-    d, p = deviations or COARSE_DEVIATIONS, parameters or InitialParameters()
+    d, p = COARSE_DEVIATIONS, InitialParameters()
     known = float(np.exp(knowledge.log_focal))
     if knowledge.fixed:
         found = [search_normals(evidence, known, d, p, slant) for slant in _slants(evidence, p)]

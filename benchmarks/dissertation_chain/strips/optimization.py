@@ -153,12 +153,10 @@ def optimize_shape(
     normals: Floats,
     focal: float,
     knowledge: FocalKnowledge,
-    deviations: Deviations | None = None,
-    parameters: OptimizationParameters | None = None,
 ) -> OptimizedShape:
     """The normals and focal length near `normals` (L, 3) and `focal` that satisfy all constraints best."""
-    p = parameters or OptimizationParameters()
-    objective = StripObjective(evidence, focal, knowledge, deviations or Deviations(), p.unit_length)
+    p = OptimizationParameters()
+    objective = StripObjective(evidence, focal, knowledge, Deviations(), p.unit_length)
     x = objective.pack(normals, focal)
     measured = objective.robust_count(x)
 

@@ -28,10 +28,15 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     return replace(drawn, zones=tuple(_revised(zone, page.zones) for zone in drawn.zones))
 
 
+def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
+    """Whether two boxes in pixels are of one zone."""
+    return max(abs(a - b) for a, b in zip(first, second, strict=True)) <= _SAME_PX
+
+
 def _revised(drawn: Zone, found: Sequence[Zone]) -> Zone:
     under = [(zone, area) for zone in found if (area := _common_area(zone.box, drawn.box)) > 0]
     for zone, _ in under:
-        if max(abs(a - b) for a, b in zip(zone.box, drawn.box, strict=True)) <= _SAME_PX:
+        if are_one_place(zone.box, drawn.box):
             return _with_given(replace(zone, id=drawn.id, label=drawn.label), drawn)
     if not under:
         return drawn

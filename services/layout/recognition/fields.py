@@ -29,14 +29,14 @@ class ValueTrust:
     of_words: float = 0.32
 
 
-def probability_of_value(labels: float, words: float, trust: ValueTrust | None = None) -> float:
+def probability_of_value(labels: float, words: float) -> float:
     """Probability, 0-1, that a typed value is right, by those that all its labels and all its words are.
 
     It is 1 where a person has said both.
     """
     if min(labels, words) >= 1.0:
         return 1.0
-    t = trust or ValueTrust()
+    t = ValueTrust()
     odds = logit(np.clip((labels, words), _LEAST_DOUBT, 1.0 - _LEAST_DOUBT))
     return float(expit(t.constant + t.of_labels * odds[0] + t.of_words * odds[1]))
 

@@ -20,14 +20,6 @@ _MOST_PARTS = 60
 """Figures, rules and noise of a page; of more, which is dirt, the smaller ones are left out."""
 _LEAST_NOISE = 4.0
 """Noise is larger, in units; less is dirt."""
-_RULE_GAP = 5.0
-"""Pieces of one rule are no farther apart, in units."""
-_LEAST_PART = 2.5
-"""Figures and noise are larger, in units, and figures have a component that is; less is a speck."""
-_MOST_PARTS = 60
-"""Figures, rules and noise of a page; of more, which is dirt, the smaller ones are left out."""
-_LEAST_NOISE = 4.0
-"""Noise is larger, in units; less is dirt."""
 _MOST_NOISE = 12
 """Of more noise on a page the smaller is left out, too."""
 _BORDER_FIGURE = (0.5, 6.0)

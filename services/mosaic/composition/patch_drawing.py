@@ -9,16 +9,20 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import to_resized
-from services.imaging.node_grid import GRID_STEP_PX, between_nodes, continuous_nodes, node_grid, take_values
+from services.imaging.node_grid import (
+    GRID_STEP_PX,
+    MAX_REDUCTION,
+    between_nodes,
+    continuous_nodes,
+    node_grid,
+    take_values,
+)
 from services.mosaic.light.canvas import OUTSIDE_PX, RIM_PX
 from services.mosaic.light.tones import apply_tones
 from services.mosaic.placed_photo import PlacedPhoto
 
 LARGEST_REDUCTION = 1.3
 """Photo pixels per mosaic pixel up to which interpolation skips no photo pixel."""
-MAX_REDUCTION = 12.0
-"""Largest number of photo pixels per mosaic pixel; a larger value means that this is not the page."""
-
 MARGIN_STEPS = 1.5
 """Margin within the shown part, steps of the map's grid: interpolation reaches one node beyond a pixel."""
 KNOWN = 0.999

@@ -30,7 +30,7 @@ from services.sheet.ridged.observations import SheetObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.views import OtherCamera, OtherView
 from services.sheet.ridged_page import RidgedPage, without_waves
-from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
+from services.sheet.tracing.line_tracing import NO_WORSE, STRAIGHT, measure_straightness
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
 THIN = 200
@@ -49,8 +49,6 @@ sheets that were bent otherwise between two real photos 0.12 to 1.3."""
 GAIN = 0.85
 """Share of the median distance of held-out correspondences that a fit must leave at most: the median of 50 is known to
 a sixth of it."""
-NO_WORSE = 1.05
-"""Factor on the straightness of lines that a fit may leave: what tracing them in two views differs by."""
 MATCH_PX = 0.2
 """Deviation of a correspondence, pixels of the photo. Those on planes have 0.03; cells of a creased sheet leave more.
 With half or twice as much, meshes of three creased sets are not better."""

@@ -18,13 +18,13 @@ from services.mosaic.placing.joint_sheet import (
     COLUMNS,
     LEFT_BY_MATCHING,
     MOST_LEFT,
-    NO_WORSE,
+    THIN,
     JointSheet,
     measure_apart,
 )
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
-from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
+from services.mosaic.placing.residual_warp import FEWEST, HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.order_statistics import median
 from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_hull
@@ -37,11 +37,9 @@ from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
 from services.sheet.ridged.views import OtherCamera
 from services.sheet.shared_fit import SeenPart, SharedPoints, fit_shared_sheet
 from services.sheet.shared_sheet import SharedSheet, camera_of, hold_camera, unit_of
-from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
+from services.sheet.tracing.line_tracing import NO_WORSE, STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
 
-THIN = 200
-"""Characters of a photo that its camera is found by."""
 MARGIN = 0.12
 """The bend continues beyond the text by this share of the sheet's width."""
 MOST_BENDS = 30
@@ -53,8 +51,6 @@ SMOOTH = (0.02, 0.3)
 """Weights of first and second differences of neighbouring bends, where no photo tells them."""
 MATCH_PX = 0.1
 """Deviation of a coordinate of a correspondence, pixels of the photos."""
-FEWEST = 8
-"""Least number of held-out correspondences of a pair that is judged."""
 MOST_BASES = 4
 """Photos whose own surfaces are tried as the start: those with most text."""
 

@@ -20,7 +20,13 @@ from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planarity import apparent_kind
 from services.sheet.ridged_page import RidgedPage
 from services.sheet.shape import PageShape
-from services.sheet.tracing.line_tracing import STRAIGHT, left_by_bends, measure_bend, measure_straightness
+from services.sheet.tracing.line_tracing import (
+    NO_WORSE,
+    STRAIGHT,
+    left_by_bends,
+    measure_bend,
+    measure_straightness,
+)
 
 VISIBLE_BEND = 0.2
 """RMS distance of text lines in the photo from straight ones, in text heights, from which on no plane is tried where a
@@ -35,9 +41,8 @@ CURVED_GAIN = 0.7
 SMOOTH_SIDES = 0.001
 """The same, from which on a sheet is not smooth."""
 CREASED_GAIN = 0.5
-"""The creased sheet must bring the product of both below this share of a smooth sheet's, ..."""
-NO_WORSE = 1.05
-"""... and must not leave its lines less straight than this: what tracing them in two views differs by."""
+"""The creased sheet must bring the product of both below this share of a smooth sheet's, and must not
+leave its lines less straight by more than tracing them twice does."""
 FLOW_GAIN = 0.4
 """Where the lines are straight already, a bent sheet must bring the deviation of the flows below this share of the
 plane's: flows of sparse print are unreliable."""

@@ -9,6 +9,7 @@ from services.geometry.homographies import resizing, to_resized, transform_point
 from services.geometry.page_frame import Frame
 from services.imaging.node_grid import (
     GRID_STEP_PX,
+    MAX_REDUCTION,
     band_nodes,
     between_nodes,
     continuous_nodes,
@@ -16,8 +17,6 @@ from services.imaging.node_grid import (
     take_values,
 )
 
-MAX_REDUCTION = 12.0
-"""Most photo pixels per output pixel along one axis; a page needs fewer."""
 MASK_SIDE_PX = 500
 """Long side of the image that tells which nodes are near the paper's edge."""
 MASK_ERROR_PX = 2.0

@@ -35,6 +35,8 @@ from services.sheet.tracing.page_text import TracedText
 
 STRAIGHT = 0.04
 """RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
+NO_WORSE = 1.05
+"""Factor on the straightness of lines that a fit may leave: what tracing them in two views differs by."""
 
 
 # Lengths are multiples of the text height.

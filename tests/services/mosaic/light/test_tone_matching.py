@@ -46,7 +46,7 @@ def page() -> NDArray[np.float64]:
     picture = cv2.resize(rng.uniform(0.1, 0.7, (9, 12, 3)), (columns, rows), interpolation=cv2.INTER_CUBIC)
     result[450 : PICTURE[0].stop + 50, 380 : PICTURE[1].stop + 40] = 1.0
     result[PICTURE] = np.clip(picture, 0.05, 0.8)
-    return result
+    return result.astype(np.float32)
 
 
 def even(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -85,7 +85,7 @@ def take(
     height, width = part.shape[:2]
     y, x = np.mgrid[0:height, 0:width]
     gain = light(x / (width - 1), y / (height - 1))
-    level = 235.0 * part * (gain if gain.ndim == 3 else gain[..., None])
+    level = 235.0 * part * (gain if gain.ndim == 3 else gain[..., None]).astype(np.float32)
     level = level + np.random.default_rng(index).normal(0, noise, level.shape) if noise else level
     photo = np.clip(np.rint(level), 0, 255).astype(np.uint8)
     frame = FlatFrame(np.eye(3), width, height)
