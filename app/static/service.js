@@ -64,7 +64,7 @@ async function problemOf(response) {
 }
 
 export const get = async (path) => (await request("GET", path)).json();
-export const post = async (path, body, headers) => (await request("POST", path, { body, headers })).json();
+export const post = async (path, body, headers, signal) => (await request("POST", path, { body, headers, signal })).json();
 
 let token = null;
 /** Address for what cannot send headers (images, events): with a short-lived token where a key is in use. */

@@ -36,7 +36,13 @@ export const shown = (result) => ({
 export class Kept {
   /** `pages` is a `Pages`. */
   constructor(pages) {
-    Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, ahead: 0, changes: new Map(), readings: new Map() });
+    Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, ahead: 0, changes: new Map(), readings: new Map(), ends: new Map() });
+  }
+
+  /** Answers again about a page. The request ends with the page: it would be about nothing. */
+  answer(page, body) {
+    if (!this.ends.has(page.key)) this.ends.set(page.key, new AbortController());
+    return post(`pages/${page.id}/render`, body, {}, this.ends.get(page.key).signal);
   }
 
   /**
@@ -54,7 +60,7 @@ export class Kept {
   async render(page, wish, turns) {
     this.pages.update(page, { isChanging: true, problem: null });
     try {
-      const changed = shown(await post(`pages/${page.id}/render`, { ...SHOWN, ...wish }));
+      const changed = shown(await this.answer(page, { ...SHOWN, ...wish }));
       if (page.facts.places && !("rotate" in wish)) changed.facts.places = page.facts.places;
       await this.pages.update(page, { ...changed, isChanging: false, turns: page.turns - turns });
     } catch (error) {
@@ -104,7 +110,7 @@ export class Kept {
     const { language } = this.pages.settings;
     const { facts } = page;
     try {
-      await post(`pages/${page.id}/render`, { format: "json", text: true, ...(language ? { language } : {}) });
+      await this.answer(page, { format: "json", text: true, ...(language ? { language } : {}) });
       if (page.facts === facts) await this.pages.update(page, { readIn: language }); // else it was changed meanwhile
     } catch (error) {
       if (error.code === "not-found") this.refused(page, error);
@@ -138,6 +144,8 @@ export class Kept {
   /** Deletes a page, here and in the service. */
   async remove(page) {
     const { id, job, ids } = page;
+    this.ends.get(page.key)?.abort();
+    this.ends.delete(page.key);
     await this.pages.remove(page);
     const used = this.pages.list.flatMap((one) => [one.id, ...(one.ids ?? [])]);
     await this.forget((ids ?? []).filter((one) => !used.includes(one)).map((one) => ({ page_id: one })));
