@@ -1,9 +1,9 @@
 """POST /layout: a page or its zones -> document class and labels."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 from fastapi import APIRouter, Form, Query, Request, Response
 
@@ -41,7 +41,7 @@ from services.contract.layout import (
     LayoutSettings,
     StackReply,
 )
-from services.errors import InvalidOption, NotAcceptable, TooLarge
+from services.errors import InvalidOption, TooLarge
 from services.progress import ProgressSink
 
 router = APIRouter(tags=["layout"], route_class=UploadFormRoute)
@@ -51,6 +51,7 @@ FEWEST_FILES = 64
 
 SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled", "html": ""}
 """What the file names of results add to that of the upload."""
+ONE_BY_ONE = "the documents of a stack are answered as json; each is a result of its own and has all formats."
 UNNAMED = "page"
 """Name in PAGE-XML, ALTO and HTML of an image without one."""
 _STRING = {"schema": {"type": "string"}}
@@ -133,9 +134,10 @@ async def layout(
     form = with_format(form, format)
     settings, caller = state.settings, caller_of(request)
     check_parts(form, settings)
-    chosen = choose_described_format(form.format, request.headers.get("accept"), MEDIA_TYPES)
-    if form.split and chosen != "json":
-        _refuse_format(named=form.format is not None)
+    held: Mapping[LayoutFormat, str] = {"json": MEDIA_TYPES["json"]} if form.split else MEDIA_TYPES
+    if form.format is not None and form.format not in held:
+        raise InvalidOption(f"format: {ONE_BY_ONE}", "format")
+    chosen = choose_described_format(form.format, request.headers.get("accept"), held)
     images = form.image or []
     check_not_empty(images)
     names = [file_name(image.filename) for image in images]
@@ -255,13 +257,6 @@ async def _decide(state: AppState, result: LayoutResult) -> None:
     name = result.class_.name if result.class_ else "*"
     tolerated = tolerated_errors_of(name, state.settings.tolerated_errors)
     result.decision = await state.store.decision(result, tolerated)
-
-
-def _refuse_format(*, named: bool) -> NoReturn:
-    detail = "The documents of a stack are answered as json; each is a result of its own and has all formats."
-    if named:
-        raise InvalidOption(f"format: {detail}", "format")
-    raise NotAcceptable(detail)
 
 
 def _limits(settings: Settings, *, split: bool) -> LayoutSettings:

@@ -130,9 +130,11 @@ def open_pages(
 def _check_together(pages: Sequence[PageSource], limits: DocumentLimits) -> None:
     if len(pages) > limits.max_pages:
         setting = "MAX_PAGES" if limits.of == "document" else "MAX_STACK_PAGES"
+        way_out = (
+            "send fewer, or say as `page` which one you want" if limits.of == "document" else "send fewer"
+        )
         raise TooLarge(
-            f"image: a {limits.of} may have {limits.max_pages} pages ({setting}), and this one has more; send fewer, "
-            "or say as `page` which one you want.",
+            f"image: a {limits.of} may have {limits.max_pages} pages ({setting}), and this one has more; {way_out}.",
             "image",
         )
     pixels = sum(page.pixels for page in pages)

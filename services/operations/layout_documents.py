@@ -61,8 +61,8 @@ ARCHIVE = "application/zip"
 MOST_PICTURE_BYTES = 4 * 2**20
 """Of a page's picture that waits for the labels of all pages, from which HTML cuts its figures."""
 SURE = 0.9
-"""Of simulated stacks no beginning with this probability, and none without it, was wrong (614 pages by models of 3 to 8
-samples, a class or the continuation models missing)."""
+"""Of 6900 pages of simulated stacks by models of 2 to 8 samples 6 were wrong that were surer to begin a document, or
+not to; where a class has no model 11 of 3500."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -340,6 +340,11 @@ def test_a_stack_is_answered_as_its_documents(client: httpx.Client) -> None:
             assert client.get(f"/layout/results/{page['id']}").json() == page
 
 
+def test_a_stack_is_json_for_who_takes_it_too(client: httpx.Client) -> None:
+    for accept in ("text/html, */*;q=0.1", "application/xml, application/json;q=0.5"):
+        assert post(client, upload(""), accept=accept, split="true").json()["documents"]
+
+
 def test_a_stack_may_have_more_pages_than_a_document(client: httpx.Client) -> None:
     assert len(post(client, *[upload("")] * 7, split="true").json()["documents"]) == 7
     problem = assert_problem(post(client, *[upload("")] * 8, split="true"), 413, "too-large")

@@ -314,6 +314,7 @@ def test_pages_of_the_strip_are_joined_without_sending_their_photos(browser: Bro
         page.get_by_role("button", name="Join with next").first.click()
         joined = page.get_by_role("listitem", name="Page 3")
         expect(joined.get_by_role("alert")).to_contain_text("do not overlap enough")
+        expect(joined.get_by_role("heading", name="Page 3")).to_be_focused()
         assert names_of(page) == ["left.jpg", "right.jpg", "One page of 2 photos", "letter.jpg"]
         assert violations(page) == []
         joined.get_by_role("button", name="Try again").click()

@@ -105,13 +105,16 @@ export async function editCorners(page, kept) {
   const hint = "Corner 1 is the page's top left; then clockwise. Drag the corners, or move them with the arrow keys.";
   const automatic = button("Find them again", () => say("auto"));
   const done = make("button", { class: "primary", value: "done" }, "Done");
-  const tools = make("form", { method: "dialog", class: "row" }, done, automatic);
+  const cancel = make("button", { class: "quiet", value: "cancel" }, "Cancel");
+  const tools = make("form", { method: "dialog", class: "row" }, done, automatic, cancel);
   const views = make("div", { class: "corner-views" }, stage, flat);
   const dialog = make("dialog", { class: "wide corners", "aria-label": "Corners" }, make("p", { class: "hint" }, hint), views, state, tools);
   let handles = null;
   let timer = 0;
   let wish = null; // the last word, which is not sent yet
   let isSending = false;
+  let isChanged = false;
+  const before = page.given ?? "auto"; // what a person who gives up comes back to
 
   const later = (pause) => {
     clearTimeout(timer);
@@ -123,12 +126,14 @@ export async function editCorners(page, kept) {
     clearTimeout(timer);
     timer = 0;
     wish = corners;
+    isChanged = true;
     if (isSending) return;
     isSending = true;
     while (wish) {
       state.textContent = "Flattening again ...";
       const sent = wish === "auto" ? { corners: wish } : { corners: wish, rotate: 0 };
       wish = null;
+      kept.pages.update(page, { given: sent.corners });
       await kept.change(page, () => sent);
       if (sent.corners === "auto" && !wish) handles.set(page.facts.corners);
     }
@@ -144,7 +149,9 @@ export async function editCorners(page, kept) {
   handles.handles[0].focus();
   return new Promise((resolve) =>
     dialog.addEventListener("close", () => {
-      if (timer) say(handles.value);
+      clearTimeout(timer);
+      if (dialog.returnValue !== "done" && isChanged) say(before);
+      else if (dialog.returnValue === "done" && timer) say(handles.value);
       dialog.remove();
       resolve();
     }),

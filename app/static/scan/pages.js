@@ -20,6 +20,7 @@ const photoIdsOf = (page) => (page.kind === "joined" ? (page.ids ?? page.names.m
  * - `state`: "waiting", "working", "ready" or "failed" (with `problem`); `job` while the service works at it,
  * - `part`: which part of its file it is, where that has several: "left" and "right" of a book, or "page 2", and `index`,
  *   its number in the answer about the file; `filesKey`: the key of its files, which all pages of a file share,
+ * - `given`: the corners that a person gave last, "auto" where they were found again,
  * - `id` of the kept page, `picture` (a Blob), `facts` and `look`, once it is flat; `readIn`: the language of its text,
  * - `ids`: of a joined page, those of its photos as of `photoIdsOf`; `sources`: keys of the pages that it is joined of,
  *   until it is flat,
@@ -93,14 +94,15 @@ export class Pages extends EventTarget {
     return { key: newKey(), place, look: this.settings.look, state: "waiting", ...empty, ...more };
   }
 
-  /** Adds a further page of a file behind another one. */
-  insertAfter(page, more) {
+  /** Adds a further page of a file behind another one; that page. */
+  async insertAfter(page, more) {
     const next = this.list[this.list.indexOf(page) + 1];
     const place = next ? (page.place + next.place) / 2 : page.place + 1;
     const added = { ...this.newPage(more), place };
     this.list.splice(this.list.indexOf(page) + 1, 0, added);
     this.tell("list");
-    return this.isHere && storePage(added);
+    if (this.isHere) await storePage(added);
+    return added;
   }
 
   update(page, changes) {

@@ -131,7 +131,8 @@ export function createView() {
   async function join(page) {
     const next = pages.list[pages.list.indexOf(page) + 1];
     if (next?.state !== "ready" || next.part) return notify("The next page is not ready to be joined.");
-    await pages.join(page, next);
+    const joined = await pages.join(page, next);
+    items.get(joined)?.title.focus(); // it may be outside of a phone's window
     return work.start();
   }
 

@@ -1,6 +1,7 @@
 """Where the documents of a stack begin: chains by hand against all that there are, then simulated stacks."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 from math import exp, log
 from typing import get_args
@@ -61,6 +62,11 @@ def document(seed: int, kind: DocumentKind, pages: int) -> list[Page]:
     return [features.measure_page(page_from(page)) for page in document_pages(rng, kind, pages, draw=False)]
 
 
+def model(name: str, samples: Sequence[Page], continues: str | None = None) -> VersionedModel:
+    """A model as workers get it: without what only learning needs."""
+    return VersionedModel(replace(initialize_model(name, samples), statistics=None), 1, continues=continues)
+
+
 @pytest.fixture(scope="module")
 def models() -> list[VersionedModel]:
     """Of each kind a model of first pages and one of all later ones, from documents of one to four pages."""
@@ -68,8 +74,8 @@ def models() -> list[VersionedModel]:
     for kind in KINDS:
         samples = [document(9000 + seed, kind, 1 + seed % 4) for seed in range(SAMPLES)]
         later = [page for pages in samples for page in pages[1:]]
-        found.append(VersionedModel(initialize_model(kind, [pages[0] for pages in samples]), 1))
-        found.append(VersionedModel(initialize_model(f"{kind}-later", later), 1, continues=kind))
+        found.append(model(kind, [pages[0] for pages in samples]))
+        found.append(model(f"{kind}-later", later, continues=kind))
     return found
 
 
@@ -106,6 +112,17 @@ def test_first_pages_alone_tell_where_a_document_begins(models: list[VersionedMo
     found = part(stack(), firsts)
     assert set(found.beginnings) <= set(BEGINNINGS)
     assert len(found.beginnings) >= len(BEGINNINGS) - 1
+
+
+def test_middle_pages_begin_nothing_where_all_samples_were_last_ones() -> None:
+    samples = [document(9000 + seed, "letter", 2) for seed in range(SAMPLES)]
+    models = [
+        model("letter", [first for first, _ in samples]),
+        model("letter-later", [last for _, last in samples], continues="letter"),
+    ]
+    letters = [document(seed, "letter", 3) for seed in range(4)]
+    found = part([page for letter in letters for page in letter], models)
+    assert found.beginnings == (0, 3, 6, 9)
 
 
 def test_blank_pages_begin_nothing(models: list[VersionedModel]) -> None:
