@@ -316,6 +316,8 @@ def _refusal_of_validation(error: RequestValidationError) -> Refusal:
         return Refusal("bad-request", f"{name}: this part must be a file (with a filename).", field)
     if first["type"] == "extra_forbidden":
         return Refusal("invalid-option", f"{field}: there is no such option.", field)
+    if first["type"] == "missing":
+        return Refusal("invalid-option", f"{field}: it must be sent.", field)
     reason = str(first["msg"]).removeprefix("Value error, ")
     return Refusal("invalid-option", f"{field}: {reason}; got {_shown(first.get('input'))}.", field)
 

@@ -69,7 +69,7 @@ _PAGES_HEADERS = {
         "schema": {"type": "string"},
     },
 }
-PROBLEMS = ("not-acceptable", "conflict", "no-text", "internal", *FORM, *IMAGE, *WORK)
+PROBLEMS = ("not-found", "not-acceptable", "conflict", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
 
 class AskedPicture(Protocol):
