@@ -73,6 +73,22 @@ def names_of_parts(body: str, *names: str) -> list[str]:
     return [name for name in re.findall(r'form-data; name="(\w+)"', body) if name in names]
 
 
+def refuse_the_first(page: Page, path: str, problem: dict[str, object], *parts: str) -> list[list[str]]:
+    """What the page sends to `path` from now on, as `names_of_parts`; the list grows. The first one is refused."""
+    sent: list[list[str]] = []
+
+    def note(route: Route) -> None:
+        body = (route.request.post_data_buffer or b"").decode("latin1")
+        sent.append(names_of_parts(body, *parts))
+        if len(sent) == 1:
+            route.fulfill(status=int(str(problem["status"])), json=problem)
+        else:
+            route.continue_()
+
+    page.route(path, note)
+    return sent
+
+
 def tab_to(page: Page, name: str, *, back: bool = False) -> None:
     """Go by the key Tab to the next control of this name; focus is on an element all the way."""
     for _ in range(40):
@@ -300,17 +316,8 @@ def test_pages_of_the_strip_are_joined_without_sending_their_photos(browser: Bro
         read_nothing(page)
         choose(page, "left.jpg", "right.jpg", "letter.jpg")
         is_ready(page, 3)
-        mosaics: list[list[str]] = []
-
-        def note(route: Route) -> None:
-            sent = (route.request.post_data_buffer or b"").decode("latin1")
-            mosaics.append(names_of_parts(sent, "kept_page", "images"))
-            if len(mosaics) == 1:
-                route.fulfill(status=422, json={"code": "not-overlapping", "detail": "-", "status": 422})
-            else:
-                route.continue_()
-
-        page.route("**/mosaic", note)
+        refusal = {"code": "not-overlapping", "detail": "-", "status": 422}
+        mosaics = refuse_the_first(page, "**/mosaic", refusal, "kept_page", "images")
         page.get_by_role("button", name="Join with next").first.click()
         joined = page.get_by_role("listitem", name="Page 3")
         expect(joined.get_by_role("alert")).to_contain_text("do not overlap enough")
@@ -338,17 +345,8 @@ def test_photos_that_the_service_no_longer_keeps_are_sent(browser: Browser, scri
         page = visit.page
         choose(page, "book.jpg")
         is_ready(page, 1)
-        sent: list[list[str]] = []
-
-        def note(route: Route) -> None:
-            body = (route.request.post_data_buffer or b"").decode("latin1")
-            sent.append(names_of_parts(body, "kept_page", "image"))
-            if len(sent) == 1:
-                route.fulfill(status=404, json={"code": "not-found", "detail": "It is gone.", "status": 404})
-            else:
-                route.continue_()
-
-        page.route("**/rectify", note)
+        refusal = {"code": "not-found", "detail": "It is gone.", "status": 404}
+        sent = refuse_the_first(page, "**/rectify", refusal, "kept_page", "image")
         with page.expect_response(lambda one: one.url.endswith("/result")):
             page.get_by_role("button", name="Both pages").click()
         is_ready(page, 1)
