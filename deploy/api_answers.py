@@ -23,8 +23,8 @@ from typing import Any
 import httpx
 
 from deploy.api_requests import REQUESTS, Request
-from deploy.api_tables import DOCS
-from deploy.shown_answers import Answer, body, head, in_lines, lines_of, shortened
+from deploy.api_tables import DOCS, anchor_of
+from deploy.shown_answers import Answer, fenced, head, in_lines, lines_of, shortened
 from deploy.stable_answers import Stable, with_durations_of
 
 EXAMPLES = DOCS.parent / "examples"
@@ -58,20 +58,17 @@ def without_answers(text: str) -> str:
 
 def block_of(request: Request, answer: Answer, old: str, stable: Stable) -> str:
     """What the page shows of a request and its answer; `old` is what it has shown so far."""
-    anchor = re.sub(r"[^a-z]+", "-", request.name.lower()).strip("-")
-    command = request.command.replace("URL", SHOWN_URL)
-    if answer.is_json:
-        value = shortened(json.loads(answer.body))
-        text = in_lines(with_durations_of(value, json_in(old)))
-    else:
-        text = lines_of(answer)
     parts = [
-        f'<a id="{anchor}"></a>**`{request.operation}`**{f", {request.case}" if request.case else ""}',
-        f"```sh\n{command}\n```",
+        f'<a id="{anchor_of(request.name)}"></a>**`{request.operation}`**{request.case and f", {request.case}"}',
+        f"```sh\n{request.command.replace('URL', SHOWN_URL)}\n```",
         stable.text(head(answer)),
-        stable.text(body(answer, text)),
     ]
-    return "\n\n".join(filter(None, parts)) + "\n\n"
+    if answer.is_json:
+        value = shortened(json.loads(stable.text(answer.body.decode())), request.levels)
+        parts.append(fenced(answer.media_type, in_lines(with_durations_of(value, json_in(old)))))
+    elif answer.is_text:
+        parts.append(fenced(answer.media_type, lines_of(answer.media_type, stable.text(answer.body.decode()))))
+    return "\n\n".join(parts) + "\n\n"
 
 
 def json_in(block: str) -> Any:

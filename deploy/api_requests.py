@@ -18,6 +18,8 @@ class Request:
     """What is special, of an operation with several answers."""
     kept: Mapping[str, str] = field(default_factory=dict)
     """Shell variables for later commands: each has a header of the answer, or a name of its JSON (`zones.0.id`)."""
+    levels: int | None = None
+    """How many objects within each other of its JSON are shown, where another answer shows them all."""
     refused: bool = False
     """Whether the answer is a problem."""
 
@@ -30,6 +32,24 @@ class Request:
 _TUS = "-H 'Tus-Resumable: 1.0.0'"
 _PIECE = f"{_TUS} -H 'Content-Type: application/offset+octet-stream'"
 _TWO_PHOTOS = "-F images=@a.jpg -F images=@b.jpg"
+THREE_STRANGERS = """
+curl -F image=@page-2.jpg URL/layout -o page-2.json
+for down in 0 6 12; do
+    python3 - $down > zones.json <<'END'
+import json, sys
+down, page = int(sys.argv[1]), json.load(open("page-2.json"))
+zones = [
+    {"id": zone["id"], "box": [x0, y0 + down, x1, y1 + down]}
+    for zone in page["zones"]
+    for x0, y0, x1, y1 in (zone["box"],)
+]
+json.dump({"width": page["width"], "height": page["height"] + 12, "zones": zones}, sys.stdout)
+END
+    id=$(curl -F zones=@zones.json URL/layout | sed 's/^{"id":"\\([^"]*\\)".*/\\1/')
+    curl -d '{"class": null}' URL/layout/results/$id/feedback
+done
+"""
+"""A page and two like it, which are printed a little lower, belong to no class."""
 
 OF_THE_SERVICE = (
     Request("GET /health/live", "curl URL/health/live"),
@@ -42,6 +62,7 @@ OF_PHOTOS = (
         "POST /rectify",
         "curl -F image=@a.jpg -F image=@left.png -F format=json URL/rectify",
         "two pages",
+        levels=2,
     ),
     Request("POST /rectify", "curl -F image=@photo.jpg -F ilumination=bw URL/rectify", "refused", refused=True),
     Request(
@@ -126,8 +147,15 @@ OF_LAYOUT = (
     Request("POST /layout", "curl -F image=@page.png URL/layout"),
     Request("POST /layout", "curl -F image=@page.png -F format=pagexml URL/layout", "as PAGE-XML"),
     Request("POST /layout", "curl -F image=@page.png -F format=html URL/layout", "as HTML"),
-    Request("POST /layout", "curl -F image=@page-1.jpg -F image=@page-2.jpg URL/layout", "a document of two pages"),
-    Request("POST /layout", "curl -F image=@letter.pdf -F split=true URL/layout", "a stack of documents"),
+    Request(
+        "POST /layout",
+        "curl -F image=@page-1.jpg -F image=@page-2.jpg URL/layout",
+        "a document of two pages",
+        levels=2,
+    ),
+    Request(
+        "POST /layout", "curl -F image=@letter.pdf -F split=true URL/layout", "a stack of documents", levels=3
+    ),
     Request(
         "",
         "curl -F image=@page.png -F keep_image=true URL/layout",
@@ -170,14 +198,7 @@ OF_LAYOUT = (
     Request("GET /layout/models/{name}/versions", "curl URL/layout/models/letter/versions"),
     Request("DELETE /layout/models/{name}/samples/{id}", "curl -X DELETE URL$sample"),
     Request("DELETE /layout/results/{id}", "curl -X DELETE URL$result"),
-    *(
-        request
-        for _ in range(3)
-        for request in (
-            Request("", "curl -F image=@page-2.jpg URL/layout", kept={"result": "Document-Result"}),
-            Request("", """curl -d '{"class": null}' URL$result/feedback"""),
-        )
-    ),
+    Request("", THREE_STRANGERS),
     Request(
         "GET /layout/unknown-pages", "curl URL/layout/unknown-pages", kept={"unknown": "pages.0.id"}
     ),
@@ -190,6 +211,6 @@ OF_LAYOUT = (
         "curl -X PUT -H 'If-None-Match: *' --data-binary @letter-model.json URL/layout/models/letter",
     ),
     Request("GET /audit", "curl 'URL/audit?model=letter'"),
-    Request("GET /metrics", "curl URL/metrics"),
+    Request("GET /metrics", """curl URL/metrics | grep -E '^(http_requests_total.*"/rectify"|jobs_total|engine|ocr)'"""),
 )
 REQUESTS = (*OF_THE_SERVICE, *OF_PHOTOS, *OF_MODELS, *OF_LAYOUT)

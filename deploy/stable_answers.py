@@ -13,7 +13,7 @@ NOW = datetime(2026, 11, 27, 9, 0, tzinfo=UTC)
 """When every answer is given, as the pages say."""
 ULID = re.compile(r"\b01[0-9A-HJKMNP-TV-Z]{24}\b")
 LONG_HEX = re.compile(r"\b[0-9a-f]{32}\b")
-SECRET = re.compile(r'(?<="claim": ")[\w-]{20,}|(?<="token": ")[\w-]{20,}')
+SECRET = re.compile(r'(?<="claim":")[\w-]{20,}|(?<="token":")[\w-]{20,}')
 ISO_TIME = re.compile(r"\b20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|\+00:00)")
 HTTP_DATE = re.compile(r"\b(?:Mon|Tue|Wed|Thu|Fri|Sat|Sun), \d\d \w{3} 20\d\d \d\d:\d\d:\d\d GMT")
 DURATIONS = "timings_ms"
