@@ -67,7 +67,9 @@ def block_of(request: Request, answer: Answer, old: str, stable: Stable) -> str:
         value = shortened(json.loads(stable.text(answer.body.decode())), request.levels)
         parts.append(fenced(answer.media_type, in_lines(with_durations_of(value, json_in(old)))))
     elif answer.is_text:
-        parts.append(fenced(answer.media_type, lines_of(answer.media_type, stable.text(answer.body.decode()))))
+        parts.append(
+            fenced(answer.media_type, lines_of(answer.media_type, stable.text(answer.body.decode())))
+        )
     return "\n\n".join(parts) + "\n\n"
 
 
@@ -144,7 +146,7 @@ def _asked(request: Request, url: str, files: Path, dump: Path, variables: Mappi
     )
     written = re.search(r" -o (\S+)", command)
     content = (files / written[1]).read_bytes() if written else ran.stdout
-    status, headers = 0, {}
+    status, headers = 0, dict[str, str]()
     for line in dump.read_text("latin-1").splitlines():
         if line.startswith("HTTP/"):
             status, headers = int(line.split()[1]), {}

@@ -64,7 +64,9 @@ OF_PHOTOS = (
         "two pages",
         levels=2,
     ),
-    Request("POST /rectify", "curl -F image=@photo.jpg -F ilumination=bw URL/rectify", "refused", refused=True),
+    Request(
+        "POST /rectify", "curl -F image=@photo.jpg -F ilumination=bw URL/rectify", "refused", refused=True
+    ),
     Request(
         "",
         "curl -F image=@photo.jpg -F camera=tablet-3 -F keep_photo=true -F format=json URL/rectify",
@@ -114,7 +116,9 @@ OF_PHOTOS = (
     Request("GET /jobs/{id}", "curl URL$job"),
     Request("GET /jobs/{id}/result", "curl URL$job/result -o page.pdf"),
     Request(
-        "", f"curl -H 'Prefer: respond-async' {_TWO_PHOTOS} -F format=png URL/mosaic", kept={"job": "Location"}
+        "",
+        f"curl -H 'Prefer: respond-async' {_TWO_PHOTOS} -F format=png URL/mosaic",
+        kept={"job": "Location"},
     ),
     Request("DELETE /jobs/{id}", "curl -X DELETE URL$job"),
 )
@@ -146,7 +150,6 @@ OF_MODELS = (
 OF_LAYOUT = (
     Request("POST /layout", "curl -F image=@page.png URL/layout"),
     Request("POST /layout", "curl -F image=@page.png -F format=pagexml URL/layout", "as PAGE-XML"),
-    Request("POST /layout", "curl -F image=@page.png -F format=html URL/layout", "as HTML"),
     Request(
         "POST /layout",
         "curl -F image=@page-1.jpg -F image=@page-2.jpg URL/layout",
@@ -169,16 +172,15 @@ OF_LAYOUT = (
         "curl -d '{}' URL$result/claim",
         kept={"claim": "claim"},
     ),
-    Request(
-        "POST /layout/results/{id}/release", r"""curl -d "{\"claim\": \"$claim\"}" URL$result/release"""
-    ),
+    Request("POST /layout/results/{id}/release", r"""curl -d "{\"claim\": \"$claim\"}" URL$result/release"""),
     Request("", "curl -d '{}' URL$result/claim", kept={"claim": "claim"}),
     Request("POST /layout/results/{id}/skip", r"""curl -d "{\"claim\": \"$claim\"}" URL$result/skip"""),
     Request(
         "POST /layout/results/{id}/feedback",
-        """curl -d '{"class": "letter", "labels": {"z3": "receiver"}}' URL$result/feedback""",
+        """curl -d '{"class": "letter", "labels": {"z3": "subject"}}' URL$result/feedback""",
     ),
-    Request("GET /layout/results/{id}", "curl URL$result"),
+    Request("GET /layout/results/{id}", "curl URL$result", levels=2),
+    Request("GET /layout/results/{id}", 'curl "URL$result?format=html"', "as HTML"),
     Request("GET /layout/results", "curl 'URL/layout/results?state=corrected'"),
     Request("GET /layout/results", "curl 'URL/layout/results?state=corrected&format=csv'", "as CSV"),
     Request("GET /layout/results", "curl 'URL/layout/results?state=corrected&format=jsonl'", "as JSON lines"),
@@ -193,15 +195,14 @@ OF_LAYOUT = (
         "POST /layout/models/{name}/train", """curl -d '{"rounds": 10}' URL/layout/models/letter/train"""
     ),
     Request(
-        "POST /layout/models/{name}/rollback", """curl -d '{"version": 1}' URL/layout/models/letter/rollback"""
+        "POST /layout/models/{name}/rollback",
+        """curl -d '{"version": 1}' URL/layout/models/letter/rollback""",
     ),
     Request("GET /layout/models/{name}/versions", "curl URL/layout/models/letter/versions"),
     Request("DELETE /layout/models/{name}/samples/{id}", "curl -X DELETE URL$sample"),
     Request("DELETE /layout/results/{id}", "curl -X DELETE URL$result"),
     Request("", THREE_STRANGERS),
-    Request(
-        "GET /layout/unknown-pages", "curl URL/layout/unknown-pages", kept={"unknown": "pages.0.id"}
-    ),
+    Request("GET /layout/unknown-pages", "curl URL/layout/unknown-pages", kept={"unknown": "pages.0.id"}),
     Request("GET /layout/unknown-pages/{id}", "curl URL/layout/unknown-pages/$unknown"),
     Request("POST /layout/proposals", "curl -X POST URL/layout/proposals"),
     Request("DELETE /layout/unknown-pages/{id}", "curl -X DELETE URL/layout/unknown-pages/$unknown"),
@@ -211,6 +212,6 @@ OF_LAYOUT = (
         "curl -X PUT -H 'If-None-Match: *' --data-binary @letter-model.json URL/layout/models/letter",
     ),
     Request("GET /audit", "curl 'URL/audit?model=letter'"),
-    Request("GET /metrics", """curl URL/metrics | grep -E '^(http_requests_total.*"/rectify"|jobs_total|engine|ocr)'"""),
+    Request("GET /metrics", """curl URL/metrics | grep -E '^(http_requests_total.*"/rectify"|engine|ocr)'"""),
 )
 REQUESTS = (*OF_THE_SERVICE, *OF_PHOTOS, *OF_MODELS, *OF_LAYOUT)

@@ -1,4 +1,4 @@
-"""How docs/api/ shows an answer: what matters of its head, then its shape: JSON cut and in lines, some lines of texts."""
+"""How docs/api/ shows an answer: a line of its head, then the shape of its JSON, or some lines of another text."""
 
 import json
 import re
@@ -27,7 +27,7 @@ MOST_FILES = 2
 WIDTH = 118
 """Letters in a line."""
 HEADERS = re.compile(
-    r"(Location|Link|Retry-After|Preference-Applied|Document-[\w-]+|Content-Disposition|Upload-[\w-]+): .+|ETag: \"\d+\""
+    r"(Location|Link|Retry-After|Preference-Applied|Content-Disposition|(Document|Upload)-[\w-]+): .+|ETag: \"\d+\""
 )
 """What a client reads of the head; of the marks of content, versions of models."""
 FENCES = {"json": "json", "html": "html", "xml": "xml"}
@@ -75,7 +75,9 @@ def shortened(value: Any, levels: int | None = None) -> Any:
         if value and levels == 0:
             return "{...}"
         kinds = {type(each) for each in value.values()}
-        shown = SHOWN_NAMES if len(value) > MOST_NAMES and (kinds <= {int, float} or len(kinds) == 1) else None
+        shown = (
+            SHOWN_NAMES if len(value) > MOST_NAMES and (kinds <= {int, float} or len(kinds) == 1) else None
+        )
         cut = {key: shortened(each, deeper) for key, each in islice(value.items(), shown)}
         return cut if shown is None else {**cut, "...": f"... {len(value) - shown} more"}
     if isinstance(value, float):
@@ -124,7 +126,9 @@ def head(answer: Answer) -> str:
         parts.append(f"`{answer.media_type}`")
         parts += _file(answer)
     named = (
-        f"`{line}`" for line in (f"{name}: {value}" for name, value in answer.headers.items()) if HEADERS.fullmatch(line)
+        f"`{line}`"
+        for line in (f"{name}: {value}" for name, value in answer.headers.items())
+        if HEADERS.fullmatch(line)
     )
     return ", ".join([*parts, *named])
 
@@ -141,7 +145,9 @@ def lines_of(media_type: str, text: str) -> str:
         first, *_, last = text.strip().split("\n\n")
         lines = [*first.splitlines(), "", "...", "", *last.splitlines()]
     else:
-        lines = re.sub(r"<style>.*?</style>", "<style>...</style>", text.strip(), flags=re.DOTALL).splitlines()
+        lines = re.sub(
+            r"<style>.*?</style>", "<style>...</style>", text.strip(), flags=re.DOTALL
+        ).splitlines()
     left = len(lines) - MOST_LINES
     shown = [line if len(line) <= WIDTH else f"{line[: WIDTH - 4]} ..." for line in lines[:MOST_LINES]]
     return "\n".join([*shown, *([f"... {left} more lines"] if left > 0 else [])])

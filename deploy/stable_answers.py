@@ -30,7 +30,9 @@ class Stable:
         text = ULID.sub(self._by_order("01M8D4JH2J0H6W8XXK81M6C{:03}"), text)
         text = LONG_HEX.sub(self._by_order("48d675bde9ac48dea8a9c156a4105{:03}"), text)
         text = SECRET.sub(self._by_order("3v1Z8d0LqkU0n0Qb1y{:03}"), text)
-        text = ISO_TIME.sub(lambda found: _as_of_now(datetime.fromisoformat(found[0])).strftime("%FT%TZ"), text)
+        text = ISO_TIME.sub(
+            lambda found: _as_of_now(datetime.fromisoformat(found[0])).strftime("%FT%TZ"), text
+        )
         return HTTP_DATE.sub(
             lambda found: format_datetime(_as_of_now(parsedate_to_datetime(found[0])), usegmt=True), text
         )
@@ -42,15 +44,17 @@ class Stable:
 def with_durations_of(new: Any, old: Any) -> Any:
     """The new answer; durations are those of the old one, where it has the same ones."""
     if isinstance(new, list) and isinstance(old, list):
-        return [with_durations_of(each, of) for each, of in zip(new, old + [None] * len(new), strict=False)]
+        kept = [with_durations_of(*both) for both in zip(new, old, strict=False)]
+        return [*kept, *new[len(kept) :]]
     if not (isinstance(new, dict) and isinstance(old, dict)):
         return new
-    return {
-        key: old[key]
-        if key == DURATIONS and key in old and old[key].keys() == value.keys()
-        else with_durations_of(value, old.get(key))
-        for key, value in new.items()
-    }
+    if (
+        DURATIONS in new
+        and isinstance(old.get(DURATIONS), dict)
+        and old[DURATIONS].keys() == new[DURATIONS].keys()
+    ):
+        new = {**new, DURATIONS: old[DURATIONS]}
+    return {key: with_durations_of(value, old.get(key)) for key, value in new.items()}
 
 
 def _as_of_now(time: datetime) -> datetime:
