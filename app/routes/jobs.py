@@ -121,7 +121,11 @@ async def job_result(request: Request, state: State, id: str) -> Response:
 
 
 @router.delete(
-    "", operation_id="cancel_job", status_code=204, responses=documented("not-found", "internal", *STORE)
+    "",
+    operation_id="cancel_job",
+    status_code=204,
+    response_class=Response,
+    responses=documented("not-found", "internal", *STORE),
 )
 async def cancel_job(request: Request, state: State, id: str) -> None:
     """Cancel the job: its work is stopped. A finished job is deleted, with its result.

@@ -173,6 +173,7 @@ async def import_layout_model(
     "/{name}",
     operation_id="delete_layout_model",
     status_code=204,
+    response_class=Response,
     responses=documented(*READING, conditional=True),
 )
 async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch = None) -> None:

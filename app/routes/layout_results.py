@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import Field
 
 from app.access.callers import caller_of
 from app.http.paging import LINK, link_next
@@ -22,7 +21,7 @@ from app.routes.result_tables import (
     write_workbook,
 )
 from app.schemas.layout_results import LIST_MEDIA_TYPES, ListFormat, ListRows, ResultEntry, ResultList
-from app.schemas.options import Absent
+from app.schemas.options import Absent, Written
 from app.state import State
 from models.records import ListedResult, ResultState, Review, ReviewOrder, ReviewState
 from models.repository import Store, cursor_of
@@ -60,7 +59,7 @@ async def layout_results(
     state: State,
     limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50,
     cursor: Annotated[
-        Annotated[str, Field(pattern=CURSOR_PATTERN)] | Absent,
+        Annotated[str, Written(CURSOR_PATTERN, "`next` of the answer before")] | Absent,
         Query(description="`next` of the answer before, in the same order; absent: the first ones."),
     ] = None,
     state_: Annotated[

@@ -24,7 +24,10 @@ NOT_RUN = ("make ", "docker ")
 STRICT_CURL = 'curl() { command curl --fail-with-body --silent --show-error "$@"; }'
 
 
-TEXTS = {"README.md": (ROOT / "README.md").read_text("utf-8"), "docs/api": without_answers(api_tables.reference())}
+TEXTS = {
+    "README.md": (ROOT / "README.md").read_text("utf-8"),
+    "docs/api": without_answers(api_tables.reference()),
+}
 
 
 def commands_of(text: str) -> str:
