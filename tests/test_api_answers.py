@@ -106,6 +106,8 @@ def test_shown_answers_are_those_of_the_document(request_: Request) -> None:
     status, media_type = head_of(block)
     content = described(request_.operation)["responses"][status].get("content", {})
     assert media_type in content or (not media_type and status == "204"), content.keys()
+    headers = {name for name in re.findall(r"`([A-Z][\w-]+): ", block.partition("\n\n```json")[0])}
+    assert headers <= described(request_.operation)["responses"][status].get("headers", {}).keys()
     shown = api_answers.json_in(block)
     assert (shown is not None) == media_type.endswith("json")
     if shown is not None:

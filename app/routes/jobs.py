@@ -11,7 +11,9 @@ from app.access.callers import caller_of
 from app.http.problems import documented, problem_response
 from app.jobs.registry import JobCancelled, Jobs
 from app.routes.common_responses import IMAGE, STORE, WORK
+from app.routes.layout import HEADERS as LAYOUT_HEADERS
 from app.routes.long_work import status_of
+from app.routes.page_answers import MOSAIC_HEADERS, RECTIFY_HEADERS
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
 from app.state import State
@@ -94,8 +96,9 @@ async def job_events(
             "content": {
                 "application/json": {"schema": {"anyOf": _JSON_RESULTS}},
                 **{name: {"schema": {"type": "string", "format": "binary"}} for name in _BINARY_RESULTS},
-                "application/xml": {"schema": {"type": "string"}},
+                **{name: {"schema": {"type": "string"}} for name in ("application/xml", "text/html")},
             },
+            "headers": RECTIFY_HEADERS | MOSAIC_HEADERS | LAYOUT_HEADERS,
         },
         **documented(
             "not-found",

@@ -21,7 +21,7 @@ from app.http.representations import (
     image_headers,
 )
 from app.routes.common_responses import BODY, STORE, WORK
-from app.routes.page_answers import BINARY, flat_pages
+from app.routes.page_answers import BINARY, RECTIFY_HEADERS, flat_pages
 from app.schemas.kept_pages import (
     FILE_FORMATS,
     PICTURE_FORMATS,
@@ -144,6 +144,7 @@ async def show_photo(
             "description": "The flat page, or its description as JSON.",
             "model": RectifyResult,
             "content": {MEDIA_TYPES[name]: BINARY for name in PICTURE_FORMATS if name != "json"},
+            "headers": RECTIFY_HEADERS,
         },
         **documented("not-found", "not-acceptable", "invalid-option", *BODY, *STORE, *WORK),
     },
@@ -205,6 +206,7 @@ async def keep_change(state: AppState, page: StoredPage, changed: RenderedPage) 
         200: {
             "description": "The file of all pages.",
             "content": {MEDIA_TYPES[name]: BINARY for name in FILE_FORMATS},
+            "headers": RECTIFY_HEADERS,
         },
         **documented("not-found", "invalid-option", *BODY, *STORE, *WORK),
     },

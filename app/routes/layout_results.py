@@ -11,7 +11,7 @@ from app.http.paging import LINK, link_next
 from app.http.preconditions import Conflict
 from app.http.problems import documented
 from app.http.representations import choose_described_format, content_disposition
-from app.routes.common_responses import STORE
+from app.routes.common_responses import FILE_NAME, STORE
 from app.routes.result_tables import (
     as_it_is,
     harmless,
@@ -49,7 +49,7 @@ MOST_LISTED_BYTES = 4 << 20
                 "application/jsonl": {"schema": {"type": "string"}},
                 LIST_MEDIA_TYPES["xlsx"]: {"schema": {"type": "string", "format": "binary"}},
             },
-            "headers": LINK,
+            "headers": LINK | FILE_NAME,
         },
         **documented("invalid-option", "not-acceptable", "conflict", *STORE),
     },

@@ -31,6 +31,10 @@ _OF_UPLOAD = {
     "Upload-Offset": {"description": "Bytes that have come.", **_INTEGER},
     "Upload-Length": {"description": "Bytes of the whole file.", **_INTEGER},
     "Upload-Expires": {"description": "When the upload is deleted.", **_STRING},
+    "Upload-Metadata": {
+        "description": "`filename` and the name of the file in base64; absent without one.",
+        **_STRING,
+    },
 }
 _VERSIONED = {
     "parameters": [

@@ -256,11 +256,31 @@ def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
 
 
 def test_the_headers_of_images_are_documented() -> None:
-    for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
-        headers = described()["paths"][path]["post"]["responses"]["200"]["headers"]
-        pages = ["Document-Pages", "Document-Advice", "Document-Failed"] if path == "/rectify" else []
-        common = ["Document-Rotation", "Document-Warnings", "Document-Page-Id", "Server-Timing"]
-        assert list(headers) == [own, *common, *pages]
+    pages = ["Document-Pages", "Document-Advice", "Document-Failed"]
+    common = [
+        "Content-Disposition",
+        "Document-Rotation",
+        "Document-Warnings",
+        "Document-Page-Id",
+        "Server-Timing",
+    ]
+    of_rectify = (
+        "/rectify",
+        "/rectify/image",
+        "/rectify/pdf",
+        "/rectify/text",
+        "/pages/{id}/render",
+        "/pages/bind",
+    )
+    for path in of_rectify:
+        assert list(headers_of(path)) == ["Document-Kind", *common, *pages]
+    for path in ("/mosaic", "/mosaic/image", "/mosaic/pdf"):
+        assert list(headers_of(path)) == ["Document-Unplaced", *common]
+
+
+def headers_of(path: str) -> dict[str, Any]:
+    headers: dict[str, Any] = described()["paths"][path]["post"]["responses"]["200"]["headers"]
+    return headers
 
 
 # A long text of a pattern takes a while to be drawn, on a busy machine longer than hypothesis likes: no fault of ours.
