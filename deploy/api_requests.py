@@ -212,6 +212,8 @@ OF_LAYOUT = (
         "curl -X PUT -H 'If-None-Match: *' --data-binary @letter-model.json URL/layout/models/letter",
     ),
     Request("GET /audit", "curl 'URL/audit?model=letter'"),
-    Request("GET /metrics", """curl URL/metrics | grep -E '^(http_requests_total.*"/rectify"|engine_[clw]|ocr)'"""),
+    Request(
+        "GET /metrics", """curl URL/metrics | grep -E '^(http_requests_total.*"/rectify"|engine_[clw]|ocr)'"""
+    ),
 )
 REQUESTS = (*OF_THE_SERVICE, *OF_PHOTOS, *OF_MODELS, *OF_LAYOUT)
