@@ -34,6 +34,10 @@ _JSON_RESULTS = [
         "InitializedModel",
         "TrainedModel",
         "Proposals",
+        "SamplesReport",
+        "ImportReport",
+        "PlainPagesResult",
+        "PlainMosaicResult",
     )
 ]
 _POLLING = {

@@ -1,6 +1,7 @@
 """The OpenAPI document: complete, without double names, and what it says of single fields is so."""
 
 import json
+import re
 from collections.abc import Iterator
 from functools import cache
 from typing import Any
@@ -281,6 +282,26 @@ def test_the_headers_of_images_are_documented() -> None:
 def headers_of(path: str) -> dict[str, Any]:
     headers: dict[str, Any] = described()["paths"][path]["post"]["responses"]["200"]["headers"]
     return headers
+
+
+def test_the_result_of_a_job_may_be_that_of_every_operation_that_makes_one() -> None:
+    makes_jobs = [
+        operation["responses"]["200"]["content"]
+        for _, operation in operations_of(described())
+        if "202" in operation["responses"]
+    ]
+    assert len(makes_jobs) > 10
+    result = described()["paths"]["/jobs/{id}/result"]["get"]["responses"]["200"]["content"]
+    assert {media_type for content in makes_jobs for media_type in content} <= {
+        *result,
+        "application/octet-stream",
+    }
+    named = re.findall(r"#/components/schemas/\w+", json.dumps(result["application/json"]))
+    for content in makes_jobs:
+        told = re.findall(
+            r"#/components/schemas/\w+", json.dumps(content.get("application/json", {}).get("schema"))
+        )
+        assert set(told) <= set(named)
 
 
 # A long text of a pattern takes a while to be drawn, on a busy machine longer than hypothesis likes: no fault of ours.
