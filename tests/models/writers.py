@@ -13,7 +13,7 @@ from models.repository import Store, utc_now
 from models.ulid import UlidFactory
 from tests.fork_server import CONTEXT
 
-FILLING = "0123456789abcdef" * 3000
+FILLING = "0123456789abcdef" * 1000
 """So that one write is of several pages."""
 
 
