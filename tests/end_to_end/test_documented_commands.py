@@ -1,7 +1,8 @@
 """Every command of README.md and of the pages of docs/api/, in order, as written, against a running service.
 
-Work on photos that both of them show runs once. Commands above the answers that docs/api/ shows are those that
-`make api-answers` has run; tests/test_api_answers.py holds them to the OpenAPI document.
+Those of docs/api/ run against the product. README.md has the same work with the same files; its commands run against
+scripted operations. Commands above the answers that docs/api/ shows are those that `make api-answers` has run;
+tests/test_api_answers.py holds them to the OpenAPI document.
 """
 
 import os
@@ -15,7 +16,7 @@ import pytest
 from deploy import api_tables
 from deploy.api_answers import without_answers
 from tests.end_to_end.forked import ROOT
-from tests.end_to_end.processes import PRODUCT, running
+from tests.end_to_end.processes import PRODUCT, SCRIPTED, running
 from tests.programs import NEEDS_CURL
 
 ADDRESS = "127.0.0.1:8000"
@@ -23,11 +24,12 @@ NOT_RUN = ("make ", "docker ")
 """Commands that set up and start the service; the tests themselves run in what they make."""
 STRICT_CURL = 'curl() { command curl --fail-with-body --silent --show-error "$@"; }'
 
-
 TEXTS = {
     "README.md": (ROOT / "README.md").read_text("utf-8"),
     "docs/api": without_answers(api_tables.reference()),
 }
+SERVICES = {"README.md": SCRIPTED, "docs/api": PRODUCT}
+FILES = re.compile(r"@([\w-]+\.(?:jpg|png|heic|pdf|json))")
 
 
 def commands_of(text: str) -> str:
@@ -46,14 +48,19 @@ def test_no_command_is_left_out(text: str) -> None:
     assert lines
 
 
-def of_its_own(name: str) -> str:
-    """The commands of a text; of README.md without the work on photos that the reference has as well."""
-    commands = commands_of(TEXTS[name])
-    if name != "README.md":
-        return commands
-    others = set(commands_of(TEXTS["docs/api"]).splitlines())
-    is_work = re.compile(r"curl -F .*/(rectify|mosaic)( .*)?$")
-    return "\n".join(line for line in commands.splitlines() if not (is_work.match(line) and line in others))
+def work_of(text: str) -> set[tuple[str, ...]]:
+    """Which files the commands send to which operation; `letter-2.png` is as good as `letter-1.png`."""
+    commands = commands_of(text).replace("\\\n", " ").splitlines()
+    sent = ((re.search(rf"{ADDRESS}/([\w/-]+)", command), FILES.findall(command)) for command in commands)
+    return {
+        (operation[1], re.sub(r"-\d", "", file)) for operation, files in sent if operation for file in files
+    }
+
+
+def test_the_reference_has_the_work_of_the_readme() -> None:
+    """What runs against scripted operations only would not be proved to work with the files of examples/."""
+    assert work_of(TEXTS["README.md"])
+    assert work_of(TEXTS["README.md"]) <= work_of(TEXTS["docs/api"])
 
 
 @NEEDS_CURL
@@ -61,9 +68,9 @@ def of_its_own(name: str) -> str:
 def test_the_commands_run_as_written(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "examples"
     shutil.copytree(ROOT / "examples", folder, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
-    commands = re.sub(r"^cd examples$", "", of_its_own(name), flags=re.MULTILINE)
+    commands = re.sub(r"^cd examples$", "", commands_of(TEXTS[name]), flags=re.MULTILINE)
     assert ADDRESS in commands
-    with running(PRODUCT, workers=1, job_timeout_s=120, mosaic_timeout_s=300) as process:
+    with running(SERVICES[name], workers=1, job_timeout_s=120, mosaic_timeout_s=300) as process:
         script = f"set -euo pipefail\n{STRICT_CURL}\nset -x\n" + commands.replace(
             ADDRESS, f"127.0.0.1:{process.port}"
         )
