@@ -53,7 +53,7 @@ def base_url() -> Iterator[str]:
 
 @documented.parametrize()
 @settings(
-    max_examples=repeats(8, 40), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
+    max_examples=repeats(4, 40), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )
 @pytest.mark.long
 def test_the_service_keeps_to_its_document(case: schemathesis.Case, base_url: str) -> None:
