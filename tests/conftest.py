@@ -88,12 +88,15 @@ def pytest_collection_finish() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give each test the marker of its kind, and have one process run all tests of a module.
 
-    Whatever uses the album is run by one process, so that no photo is made and analysed twice.
+    Whatever uses the album is run by one process, so that no photo is made and analysed twice. So is every module that
+    uses the product's process, whose start takes four seconds.
     """
+    of_product = {item.path for item in items if "product" in getattr(item, "fixturenames", ())}
     for item in items:
         module = item.path.relative_to(ROOT)
         uses = PIPELINE_FIXTURES & set(getattr(item, "fixturenames", ()))
-        item.add_marker(pytest.mark.xdist_group("album" if uses else module.as_posix()))
+        group = "album" if uses else "product" if item.path in of_product else module.as_posix()
+        item.add_marker(pytest.mark.xdist_group(group))
         folders = {parent.as_posix() for parent in module.parents}
         kind = next((kind for folder, kind in KIND_OF_FOLDER.items() if folder in folders), None)
         if kind is None:

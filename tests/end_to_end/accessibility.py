@@ -9,6 +9,11 @@ AXE = Path(__file__).parent / "node_modules" / "axe-core" / "axe.min.js"
 HAS_AXE = AXE.exists()
 NEEDS_AXE = pytest.mark.skipif(not HAS_AXE, reason="axe-core is not installed (make typescript)")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+CHECK = """async (rules) => {
+  const found = await axe.run(document, { runOnly: rules, resultTypes: ["violations"] });
+  return found.violations.flatMap((one) => one.nodes.map((node) => `${one.id}: ${node.html.slice(0, 160)}`));
+}"""
+"""What passes is neither described nor sent, which took four fifths of the time."""
 
 
 def violations(page: Page) -> list[str]:
@@ -18,6 +23,7 @@ def violations(page: Page) -> list[str]:
     """
     if not HAS_AXE:
         return []
-    page.evaluate(AXE.read_text(encoding="utf-8"))
-    found = page.evaluate("rules => axe.run(document, {runOnly: rules})", RULES)["violations"]
-    return [f"{one['id']}: {node['html'][:160]}" for one in found for node in one["nodes"]]
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(AXE.read_text(encoding="utf-8"))
+    found: list[str] = page.evaluate(CHECK, RULES)
+    return found

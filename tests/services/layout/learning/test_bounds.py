@@ -23,6 +23,7 @@ from services.layout.model.layout_model import (
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.pipeline import VersionedModel, content_features
 from services.layout.recognition.page_recognition import recognize_page
+from tests.counts import repeats
 from tests.services.layout.learning.learning_models import NAMES
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of
 
@@ -113,8 +114,9 @@ def stored(model: LayoutModel) -> LayoutModel:
     return model_from_document(json.loads(json.dumps(model_to_document(model), allow_nan=False)))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=repeats(6, 60), deadline=None)
 @given(oddities, st.integers(0, 2**32), learners, st.booleans())
 def test_a_model_that_learned_can_be_read_again(
     chosen: list[Callable[[Document, Pick], None]], seed: int, learner: Learner, is_right: bool
@@ -133,8 +135,9 @@ def test_a_model_that_learned_can_be_read_again(
     assert len(recognition.zones) == len(page.zones)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=repeats(4, 40), deadline=None)
 @given(oddities, st.integers(0, 2**32), learners)
 def test_a_model_that_was_trained_can_be_read_again(
     chosen: list[Callable[[Document, Pick], None]], seed: int, learner: Learner
