@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -40,12 +41,18 @@ CAMERAS: tuple[Homography, ...] = (
 """Three photos down the page, each overlapping the next by more than a third."""
 
 
+@cache
+def photo(number: int, page: int = 0) -> RgbImage:
+    return photograph(page_image(page), CAMERAS[number], *SIZE)
+
+
 def photos() -> list[RgbImage]:
-    return [photograph(page_image(), H, *SIZE) for H in CAMERAS]
+    """Copies, which a test may draw on."""
+    return [photo(number).copy() for number in range(len(CAMERAS))]
 
 
 def other_page() -> RgbImage:
-    return photograph(page_image(1), CAMERAS[1], *SIZE)
+    return photo(1, page=1)
 
 
 def on_mosaic(mesh: Points, photo_points: Points, size: tuple[int, int]) -> Points:
@@ -244,12 +251,12 @@ def test_photos_that_do_not_belong_are_named(three: MosaicResult, mixed: MosaicR
 
 
 def test_a_photo_from_the_other_side_of_the_table_is_turned() -> None:
-    turned = photos()
+    turned = photos()[:2]
     turned[1] = np.ascontiguousarray(turned[1][::-1, ::-1])
     result = mosaic(turned, AS_LAID)
     assert result.unplaced == ()
     half_turn = np.array([[-1.0, 0.0, SIZE[0] - 1], [0.0, -1.0, SIZE[1] - 1], [0.0, 0.0, 1.0]])
-    assert registration_error_px(result, [CAMERAS[0], half_turn @ CAMERAS[1], CAMERAS[2]]) < 0.3
+    assert registration_error_px(result, [CAMERAS[0], half_turn @ CAMERAS[1]]) < 0.3
 
 
 def test_scans_are_joined_as_they_are() -> None:
@@ -281,17 +288,18 @@ def test_photos_that_are_repeated_are_told_and_left_out(three: MosaicResult) -> 
 
 
 def test_a_base_is_no_duplicate() -> None:
-    first, second, third = photos()
-    result = mosaic([first, second, first, third], replace(AS_LAID, base=2))
+    first, second, _ = photos()
+    result = mosaic([first, second, first], replace(AS_LAID, base=2))
     assert (result.base, result.unplaced) == (2, (0,))
 
 
 def test_the_same_photo_many_times_takes_no_longer_than_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     flattened: list[int] = []
+    flatten = pipeline.flatten_photo
 
     def count(index: int, *arguments: object) -> FlatPhoto:
         flattened.append(index)
-        return flatten_photo(index, *arguments)  # type: ignore[arg-type]
+        return flatten(index, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(pipeline, "flatten_photo", count)
     result = mosaic([photos()[1]] * 16, AS_LAID)
