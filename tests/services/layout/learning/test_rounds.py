@@ -88,7 +88,7 @@ def test_effort_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer parts are held out of what takes long, and rounds end."""
     learned = learning_model("letter", 1)
     pages = lessons("letter", learned, 6)
-    _, whole = run_rounds(lambda indices: learned, pages, 50, "passive-aggressive")
+    _, whole = run_rounds(lambda indices: learned, pages, 3, "passive-aggressive")
     rounds = len(whole.rounds) - 1
     begun: list[int] = []
 
@@ -98,7 +98,7 @@ def test_effort_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("services.layout.learning.rounds._MOST_EFFORT", 1.0)
     monkeypatch.setattr("services.layout.learning.rounds._PATIENCE", 100)
-    _, training = run_rounds(begin, pages, 50, "passive-aggressive")
+    _, training = run_rounds(begin, pages, 3, "passive-aggressive")
     assert begun == [4, 6], "one part is held out still, and all are learned from"
     assert (training.stopped, len(training.rounds)) == ("effort", 2), "one round there is in any case"
     assert rounds > 1
