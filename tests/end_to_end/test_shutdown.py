@@ -51,7 +51,10 @@ def assert_nothing_is_left(processes: list[psutil.Process]) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_what_is_in_flight_finishes_and_new_work_is_refused(number: signal.Signals, tmp_path: Path) -> None:
-    with running(SCRIPTED, fresh=True, workers=1, shutdown_grace_s=20, tmpdir=tmp_path) as service:
+    fresh = (
+        number == signal.SIGTERM
+    )  # as an operator's; that the other signal does the same needs no start of Python
+    with running(SCRIPTED, fresh=fresh, workers=1, shutdown_grace_s=20, tmpdir=tmp_path) as service:
         thread, answers = post_in_background(service, f"wait {tmp_path}")
         queued, queued_answers = post_in_background(service, "")
         wait_for(tmp_path / "running")

@@ -1,9 +1,12 @@
 """Blocks are found where the truth is, to a fraction of a pixel, and nowhere else."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from services.geometry.homographies import transform_points, translation
+from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.registration.block_matching import match_blocks, support_blocks
 from services.mosaic.registration.pair_verification import (
     PreparedPhoto,
@@ -21,13 +24,21 @@ from tests.services.mosaic.warped_views import (
     true_homography,
 )
 
-A = draw_view(page(), part(0, 0), (800, 900))
-B = draw_view(page(), part(350, 150, 1.0, (0.004, -0.003, 0.4, -0.3)), (800, 900), 1, Flaws(seed=1))
+
+@cache
+def view_a() -> FlatPhoto:
+    return draw_view(page(), part(0, 0), (800, 900))
+
+
+@cache
+def view_b() -> FlatPhoto:
+    """It overlaps `view_a`."""
+    return draw_view(page(), part(350, 150, 1.0, (0.004, -0.003, 0.4, -0.3)), (800, 900), 1, Flaws(seed=1))
 
 
 def test_true_homography_finds_every_block_and_a_false_one_none() -> None:
-    a, b = ReducedView(A, 0, 0.5), ReducedView(B, 0, 0.5)
-    H = a.H_reduced_flat @ true_homography(A, B) @ np.linalg.inv(b.H_reduced_flat)
+    a, b = ReducedView(view_a(), 0, 0.5), ReducedView(view_b(), 0, 0.5)
+    H = a.H_reduced_flat @ true_homography(view_a(), view_b()) @ np.linalg.inv(b.H_reduced_flat)
     true = match_blocks(a, b, translation(7, -5) @ H, 24)
     assert true.agreement > 0.95
     assert len(true.found) > 50
@@ -38,7 +49,7 @@ def test_true_homography_finds_every_block_and_a_false_one_none() -> None:
 
 
 def test_no_block_where_views_do_not_meet_or_show_nothing() -> None:
-    a, b = ReducedView(A, 0, 0.5), ReducedView(B, 0, 0.5)
+    a, b = ReducedView(view_a(), 0, 0.5), ReducedView(view_b(), 0, 0.5)
     assert len(match_blocks(a, b, translation(5000, 0), 24).found) == 0
     blank = ReducedView(draw_view(np.full_like(page(), 255), part(0, 0), (800, 900)), 0, 0.5)
     assert len(match_blocks(blank, blank, np.eye(3), 24).found) == 0
@@ -71,17 +82,17 @@ def test_refined_registration_is_true_to_a_fraction_of_a_pixel(
 ) -> None:
     size = round(800 / scale), round(900 / scale)
     b = draw_view(page(), part(320.3, 210.7, scale, (0.004, -0.003, 0.4, -0.3)), size, 1, flaws)
-    first, second = PreparedPhoto(A), PreparedPhoto(b)
-    start = translation(9, -7) @ true_homography(A, b)
+    first, second = PreparedPhoto(view_a()), PreparedPhoto(b)
+    start = translation(9, -7) @ true_homography(view_a(), b)
     overlap = verify_overlap(first, second, start, 0)
     assert overlap is not None
     assert overlap.blocks.agreement > 0.9
     refined = refine_overlap(first, second, overlap)
     assert refined is not None
     H, points_a, points_b, weights = refined
-    assert registration_error(A, b, H) < bound
-    assert registration_error(A, b, translation(0.3, 0) @ H) > 0.15
-    apart = transform_points(true_homography(A, b), points_b) - points_a
+    assert registration_error(view_a(), b, H) < bound
+    assert registration_error(view_a(), b, translation(0.3, 0) @ H) > 0.15
+    apart = transform_points(true_homography(view_a(), b), points_b) - points_a
     assert np.sqrt(np.mean(apart**2)) < 2 * bound
     assert len(points_a) == len(points_b) == len(weights) > 40
     assert weights.min() > 0
@@ -99,12 +110,12 @@ def test_smooth_displacements_are_kept_as_matches_though_no_homography_makes_the
     )
     bent[:] = paper[rows, x[None, :]]
     b = draw_view(bent, part(100, 50), (800, 900), 1)
-    overlap = verify_overlap(PreparedPhoto(A), PreparedPhoto(b), true_homography(A, b), 0)
+    overlap = verify_overlap(PreparedPhoto(view_a()), PreparedPhoto(b), true_homography(view_a(), b), 0)
     assert overlap is not None
-    refined = refine_overlap(PreparedPhoto(A), PreparedPhoto(b), overlap)
+    refined = refine_overlap(PreparedPhoto(view_a()), PreparedPhoto(b), overlap)
     assert refined is not None
     _, points_a, points_b, _ = refined
-    moved = transform_points(true_homography(A, b), points_b) - points_a
+    moved = transform_points(true_homography(view_a(), b), points_b) - points_a
     expected = -6 * np.sin(points_a[:, 0] / 150)
     assert np.ptp(expected) > 8
     assert np.percentile(np.abs(moved[:, 1] - expected), 90) < 1.2
