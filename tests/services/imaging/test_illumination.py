@@ -23,8 +23,13 @@ SIZE = (980, 700)
 """Of a page whose print is large enough for every step."""
 
 
-@cache
 def set_page(height: int, width: int) -> NDArray[np.float64]:
+    """A page that a test may change: its reflectance, as `reflectance_of`."""
+    return reflectance_of(height, width).copy()
+
+
+@cache
+def reflectance_of(height: int, width: int) -> NDArray[np.float64]:
     """Reflectance (H, W) of a page of text lines: 1 for paper, about 0.1 for ink."""
     page = np.full((height, width), 255, np.uint8)
     scale = width / 1000
@@ -33,9 +38,7 @@ def set_page(height: int, width: int) -> NDArray[np.float64]:
             page, "Rectification of document images taken by camera phones", (int(60 * scale), line),
             cv2.FONT_HERSHEY_SIMPLEX, 0.85 * scale, 25, max(1, round(2 * scale)), cv2.LINE_AA,
         )  # fmt: skip
-    reflectance = page / 255.0
-    reflectance.setflags(write=False)
-    return reflectance
+    return np.asarray(page / 255.0)
 
 
 def gain_field(kind: str, height: int, width: int) -> NDArray[np.float64]:
@@ -256,7 +259,7 @@ def test_a_tint_of_the_light_goes_and_ink_stays_as_dark_as_on_white_paper(
 
 @pytest.mark.parametrize("kind", ["even", "slope"])
 def test_picture_is_neither_bleached_nor_crushed(kind: str) -> None:
-    page = set_page(1400, 1000).copy()
+    page = set_page(1400, 1000)
     coarse = np.random.default_rng(4).uniform(0.1, 0.75, (18, 24))
     picture = cv2.resize(coarse, (700, 500), interpolation=cv2.INTER_CUBIC).clip(0.05, 0.85)
     page[450:950, 150:850] = picture
