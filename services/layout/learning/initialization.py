@@ -166,14 +166,15 @@ def _calibrate(begun: LearningModel, seen: Sequence[Views], held_out: HeldOutTer
         own = sample_statistics([view.labelled for view in seen[index]], labels)
         model = estimate_model(begun.statistics - own, labels, scales[index])
         for view in seen[index]:
+            # Pages come in the zones of segmentation; a person may have drawn a few of them only, which cost far less.
+            if view.found is None and with_images:
+                continue
             graph = view.labelled.graph
             tables = build_cost_tables(graph, model)
             found = match_directly(tables, NO_PROOF).labels
             costs.append(comparable_cost(graph, model, found) / graph.zones)
-            # Confidences are most wrong, and most used, on the zones of segmentation.
-            if view.found is not None or not with_images:
-                true = label_indices(view.labelled.labels, labels)
-                judged.append(judge_labels(tables, found, true, len(seen) - 1, is_read=graph.is_read))
+            true = label_indices(view.labelled.labels, labels)
+            judged.append(judge_labels(tables, found, true, len(seen) - 1, is_read=graph.is_read))
     return calibrate_labels(calibrate(costs), judged)
 
 

@@ -1,12 +1,13 @@
 """What labelled pages teach of a table: from the cells of one or two rows, and from the rows that follow from them."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
-from services.layout.page import Box, Page, Zone, ZoneWord
+from services.layout.page import Box, Page, ZoneWord
 from services.layout.tables.column_products import count_products
 from services.layout.tables.finding import FoundTable, find_tables
+from services.layout.tables.gathering import gather_zones
 from services.layout.tables.print_rows import (
     NUMERIC,
     PrintedRow,
@@ -277,7 +278,32 @@ def _from_column(box: Box, column: Box) -> float:
     return min(edges) - max(0.0, min(box[2], column[2]) - max(box[0], column[0]))
 
 
-def without_items(page: Page, items: Sequence[str]) -> Page:
+def without_items(page: Page, items: Set[str]) -> Page:
     """The page without its labelled cells: the layout graph does not know them."""
-    zones: list[Zone] = [zone for zone in page.zones if zone.label is None or zone.label not in items]
+    return replace(page, zones=tuple(zone for zone in page.zones if zone.label not in items))
+
+
+def gathered_samples(
+    pages: Sequence[Page], found: Sequence[Page | None], model: TableModel
+) -> tuple[list[Page], list[Page | None]]:
+    """Verified pages, and the same in the zones of segmentation, with each table as one zone without a label.
+
+    So the layout graph learns of pages as recognition shows them to it (`gathering`).
+    """
+    verified, others = [], []
+    items = frozenset(model.labels)
+    for page, other in zip(pages, found, strict=True):
+        tables = find_tables(page if other is None else other, model)
+        plain = without_items(page, items)
+        labels = frozenset(zone.label for zone in plain.zones if zone.label is not None)
+        plain = gather_zones(plain, tables, labels)
+        seen = None if other is None else gather_zones(without_labels(other, items), tables)
+        verified.append(plain if plain.zones or seen is None else seen)
+        others.append(seen)
+    return verified, others
+
+
+def without_labels(page: Page, items: Set[str]) -> Page:
+    """The page whose zones have lost the labels of items."""
+    zones = (replace(zone, label=None) if zone.label in items else zone for zone in page.zones)
     return replace(page, zones=tuple(zones))
