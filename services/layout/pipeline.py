@@ -18,7 +18,7 @@ from services.layout.grouping.merged_zones import with_merged_doubts
 from services.layout.grouping.regrouping import regroup_page
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
-from services.layout.model.layout_model import PieceStatistics
+from services.layout.model.layout_model import LayoutModel, PieceStatistics
 from services.layout.page import Page
 from services.layout.recognition.label_calibration import with_believable_labels
 from services.layout.recognition.page_recognition import (
@@ -36,6 +36,7 @@ from services.layout.segmentation import (
     segment_finely,
     segment_page,
 )
+from services.layout.tables.learning import gathered_samples, learn_table, table_page
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.lost_lines import with_lost_lines
 from services.ocr.softer_reading import read_best
@@ -48,6 +49,7 @@ __all__ = [
     "content_features",
     "fine_page",
     "initialize_model",
+    "initialize_with_items",
     "read_page",
     "read_words",
     "readable",
@@ -125,6 +127,22 @@ def complete_sample(
     same = {zone.box for zone in found.zones} == {zone.box for zone in page.zones}
     taught = any(zone.label is not None for zone in found.zones)
     return verified, found if taught and not same else None
+
+
+def initialize_with_items(
+    name: str,
+    samples: Sequence[Page],
+    features: ContentFeatures | None,
+    found: Sequence[Page | None],
+    items: Sequence[str],
+) -> LayoutModel:
+    """The model of a class (`initialize_model`) with its table, whose columns have the labels `items`."""
+    pages = [table_page(page, other, items) for page, other in zip(samples, found, strict=True)]
+    table = learn_table(pages, items) if items else None
+    if table is None:
+        return initialize_model(name, samples, features, found)
+    verified, gathered = gathered_samples(samples, found, table)
+    return replace(initialize_model(name, verified, features, gathered), table=table)
 
 
 def recognize(

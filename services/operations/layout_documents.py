@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from services.contract.answers.layout import DocumentResult
+from services.contract.answers.tables import tables_of_document
 from services.contract.layout import (
     MEDIA_TYPES,
     DocumentPage,
@@ -22,6 +23,7 @@ from services.contract.layout import (
 )
 from services.errors import InvalidOption, NotAcceptable
 from services.imaging.page_images import PageSource, naming_page, open_pages
+from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.page_json import page_to_document
 from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
@@ -45,6 +47,7 @@ from services.operations.layout import (
 )
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_class, describe_classes
+from services.operations.layout_tables import SegmentedPage, gather_tables, has_table, with_tables
 from services.operations.page_reading import check_installed
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
@@ -128,8 +131,11 @@ def _recognize_pages(
     if not options.split:
         return _recognize_document(seen, versions, models, options, settings, timings_ms)
     with timed("beginnings", timings_ms):
-        names = content_features(settings.content_features).names
-        parts = part_stack([page.measured.page for page in seen], versions, names, DocumentParameters())
+        features = content_features(settings.content_features)
+        gathered = gather_tables(
+            [(page.measured.page, page.measured.fine) for page in seen], versions, features
+        )
+        parts = part_stack([page for page, _ in gathered], versions, features.names, DocumentParameters())
     documents = []
     for begin, end in pairwise((*parts.beginnings, len(seen))):
         reply = _recognize_document(seen[begin:end], versions, models, options, settings, timings_ms)
@@ -181,24 +187,15 @@ def _recognize_document(
     features = content_features(settings.content_features)
     parameters = RecognitionParameters(explain=options.explain)
     with timed("matching", timings_ms):
-        recognition = recognize_document(
-            [page.measured.page for page in seen],
-            versions,
-            features.names,
-            DocumentParameters(recognition=parameters),
-        )
-        recognition = replace(
-            recognition,
-            pages=tuple(
-                replace(
-                    placed,
-                    recognition=complete_recognition(
-                        page.measured.fine, placed.recognition, versions, parameters, features
-                    ),
-                )
-                for placed, page in zip(recognition.pages, seen, strict=True)
-            ),
-        )
+        plain = [(page.measured.page, page.measured.fine) for page in seen]
+        gathered = gather_tables(plain, versions, features)
+        recognition = _recognize(gathered, versions, parameters, features)
+        nearest = recognition.classes[0].name if recognition.classes else None
+        if any(a is not b for (a, _), (b, _) in zip(gathered, plain, strict=True)) and not has_table(
+            nearest, versions
+        ):
+            recognition = _recognize(plain, versions, parameters, features)
+        recognition = replace(recognition, pages=tuple(with_tables(recognition.pages, versions, models)))
     documents = [
         describe_page(placed, page.measured, options, models)
         for placed, page in zip(recognition.pages, seen, strict=True)
@@ -220,6 +217,7 @@ def _recognize_document(
         classes=describe_classes(recognition.classes),
         unknown_probability=round(recognition.unknown_probability, 4),
         pages=[],
+        tables=tables_of_document([described.tables for described in documents]),
         warnings=describe_warnings(_notices(recognition)),
         timings_ms=describe_timings(timings_ms),
     )
@@ -235,6 +233,26 @@ def _recognize_document(
         for described, placed, page in zip(documents, recognition.pages, seen, strict=True)
     ]
     return DocumentReply(body, media_type, answer, pages)
+
+
+def _recognize(
+    pages: Sequence[SegmentedPage],
+    versions: Sequence[VersionedModel],
+    parameters: RecognitionParameters,
+    features: ContentFeatures,
+) -> DocumentRecognition:
+    """Class of the document, and labels of the zones of its pages."""
+    seen = recognize_document(
+        [page for page, _ in pages], versions, features.names, DocumentParameters(recognition=parameters)
+    )
+    completed = (
+        replace(
+            placed,
+            recognition=complete_recognition(fine, placed.recognition, versions, parameters, features),
+        )
+        for placed, (_, fine) in zip(seen.pages, pages, strict=True)
+    )
+    return replace(seen, pages=tuple(completed))
 
 
 def _measure(source: PageSource, options: LayoutOptions, settings: LayoutSettings) -> _SeenPage:

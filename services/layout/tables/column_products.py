@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.tables.column_evidence import Assignment, PrintedColumn, assign_columns
-from services.layout.tables.table_model import ProductRule, TableModel
+from services.layout.tables.table_model import MOST_PRODUCTS, ProductRule, TableModel
 
 MOST_COLUMNS = 8
 """Columns of numbers of a page that are tried as factors: all triples of them."""
@@ -90,7 +90,8 @@ def count_products(
             fits += fits_product(one, other, product)
         if fits:
             rules[of, by, gives] = tested, fits
-    return tuple(ProductRule(*key, *counts) for key, counts in sorted(rules.items()))
+    kept = sorted(rules.items(), key=lambda rule: (-rule[1][1], rule[0]))[:MOST_PRODUCTS]
+    return tuple(ProductRule(*key, *counts) for key, counts in sorted(kept))
 
 
 def with_products(

@@ -12,7 +12,6 @@ from itertools import islice
 from statistics import median
 
 import numpy as np
-from scipy.special import expit
 
 from services.layout.page import Box, Page, ZoneWord
 from services.layout.tables.column_evidence import (
@@ -79,10 +78,12 @@ class FoundTable:
     """A table of a page: `rows` of cells by label, from the top down; a label without a cell is left out.
 
     `columns` has the edges in pixels of each label that the page has, `headers` what is printed above it; `words` are
-    all of the table, those of its header and of columns without a label too. `score` is how well it fits.
+    all of the table, those of its header and of columns without a label too. `discounts` are the texts of each row in
+    the column of a discount, "" where there is none. `score` is how well it fits.
     """
 
     rows: tuple[Mapping[str, FoundCell], ...]
+    discounts: tuple[str, ...]
     columns: Mapping[str, tuple[float, float]]
     headers: Mapping[str, str]
     words: tuple[ZoneWord, ...]
@@ -446,10 +447,12 @@ class _Print:
                     sure = float(np.logaddexp(-assignment.sure[label], -odds))
                     cells[label] = FoundCell(words, -sure)
             rows.append(cells)
+        discount = -1 if assignment.discount is None else assignment.discount
         used = frozenset((*headers, *(line.place for lines in groups for line in lines)))
         of_rows = np.log1p(sum(odds for _, odds in body.items))
         found = FoundTable(
             tuple(rows),
+            tuple(_text(line.cells.get(discount, ())) for line, _ in body.items),
             {label: (columns[place].left, columns[place].right) for place, label in label_of.items()},
             {label: columns[place].header for place, label in label_of.items() if columns[place].header},
             tuple(word for place in sorted(used) for word in self.rows[place].words),
@@ -540,8 +543,3 @@ def _as_before(
                 away = min(abs(column.left - left), abs(column.right - right)) / em
                 scores[row, place] = 3.0 - min(6.0, 3.0 * away)
     return scores
-
-
-def probability_of(odds: float) -> float:
-    """0-1."""
-    return float(expit(odds))
