@@ -29,8 +29,9 @@ class Firm:
     """What is the same on every invoice of a firm.
 
     `day` is a pattern of `day`, `month` (01-12), `name` (of the month, `short` its first letters) and `year`; `number`
-    one of a running `n` and `year`. `keys` are those of number, date, subtotal, tax and total. `sign` is printed at amounts, `sign_in_cells` in
-    the table too. `wrapped` is the share of items with a second line; with `below` the amount is on the last one.
+    one of a running `n` and `year`. `keys` are those of number, date, subtotal, tax and total. `sign` is printed at
+    amounts, `sign_in_cells` in the table too. `wrapped` is the share of items with a second line; with `below` the
+    amount is on the last one.
     """
 
     name: str

@@ -164,7 +164,7 @@ def _unlike_numbers(result: LayoutResult) -> list[DecisionReason]:
                 DecisionReason(code="product-differs", detail=f"{detail} Compare them.", zones=zones)
             )
         if table.checks.sum == "differs":
-            detail = "The amounts of the table add up to none that is printed below. Look for a row too many or too few."
+            detail = "The amounts of the table add up to none that is printed below: look for a row too many or few."
             reasons.append(DecisionReason(code="sum-differs", detail=detail, zones=zones))
     return reasons
 

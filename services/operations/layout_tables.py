@@ -10,7 +10,7 @@ from services.layout.page import Page
 from services.layout.pipeline import VersionedModel
 from services.layout.recognition.documents import PageInDocument
 from services.layout.segmentation import FinePage, compose_page
-from services.layout.tables.finding import FoundTable
+from services.layout.tables.found_table import FoundTable
 from services.layout.tables.gathering import best_tables, gather_lines
 from services.layout.tables.item_table import ItemTable, TableCell, TableChecks
 from services.layout.tables.reading import TablePlan, read_tables

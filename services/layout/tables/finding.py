@@ -6,41 +6,48 @@ of values and places best. Rows that fill these columns are items; rows between 
 item above or below; a row that is neither ends the table, as sums do.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from statistics import median
 
 import numpy as np
 
-from services.layout.page import Box, Page, ZoneWord
+from services.layout.page import Page
 from services.layout.tables.column_evidence import (
     Assignment,
     PrintedColumn,
     assign_columns,
     column_scores,
     header_evidence,
-    kind_evidence,
 )
 from services.layout.tables.column_products import with_products
 from services.layout.tables.column_splits import split_at_numbers
+from services.layout.tables.found_table import FoundCell, FoundTable
 from services.layout.tables.print_rows import (
     NUMERIC,
-    PrintedRow,
     Segment,
-    box_of,
     em_of,
     kind_of,
     page_words,
     printed_rows,
     segments_of,
 )
+from services.layout.tables.row_cells import (
+    NEXT_ROW,
+    PageRows,
+    RowCells,
+    fills,
+    in_columns,
+    overlap,
+    row_cells,
+    text_of,
+)
+from services.layout.tables.table_body import TableBody, find_body, lines_of_items
 from services.layout.tables.table_model import TableModel
 
 MOST_TABLES = 4
 """Of a page."""
-MOST_ITEMS = 300
-"""Of a table on one page."""
 _MOST_STARTS = 12
 """Places of a page where a table is tried to begin, the best ones; one takes 1 ms."""
 _HEADER_HIT = 0.7
@@ -48,50 +55,6 @@ _HEADER_HIT = 0.7
 _LEAST_SCORE = 2.0
 """Of a table; the sum of log likelihood ratios of its columns and of its rows, of which no more than `_MOST_ROWS`."""
 _MOST_ROWS = 3.0
-_NEXT_ROW = 3.2
-"""Farthest next row of a table, in em from middle to middle."""
-_NEAR = 1.6
-"""How far a cell may be from the print of its column, in em."""
-_ALIEN = -2.0
-"""Log odds of a row with print between the columns."""
-
-
-@dataclass(frozen=True, slots=True)
-class FoundCell:
-    """The words of a cell in the order of reading, one or more; `sure` are log odds that they are this cell's."""
-
-    words: tuple[ZoneWord, ...]
-    sure: float
-
-    @property
-    def box(self) -> Box:
-        return box_of(self.words)
-
-    @property
-    def text(self) -> str:
-        """A line for each printed one."""
-        return "\n".join(" ".join(word.text for word in row.words) for row in printed_rows(self.words))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FoundTable:
-    """A table of a page: `rows` of cells by label, from the top down; a label without a cell is left out.
-
-    `columns` has the edges in pixels of each label that the page has, `headers` what is printed above it; `words` are
-    all of the table, those of its header and of columns without a label too. `discounts` are the texts of each row in
-    the column of a discount, "" where there is none. `score` is how well it fits.
-    """
-
-    rows: tuple[Mapping[str, FoundCell], ...]
-    discounts: tuple[str, ...]
-    columns: Mapping[str, tuple[float, float]]
-    headers: Mapping[str, str]
-    words: tuple[ZoneWord, ...]
-    score: float
-
-    @property
-    def box(self) -> Box:
-        return box_of(self.words)
 
 
 def find_tables(page: Page, model: TableModel, before: FoundTable | None = None) -> tuple[FoundTable, ...]:
@@ -102,14 +65,13 @@ def find_tables(page: Page, model: TableModel, before: FoundTable | None = None)
     words = page_words(page)
     if not words or not model.columns:
         return ()
-    rows = printed_rows(words)
-    print_ = _Print(
-        page, model, em_of(words), tuple(rows), tuple(segments_of(row, em_of(words)) for row in rows)
-    )
+    rows, em = tuple(printed_rows(words)), em_of(words)
+    printed = PageRows(em, rows, tuple(segments_of(row, em) for row in rows))
+    search = _Search(printed, page.width, model)
     found: list[FoundTable] = []
     taken: set[int] = set()
     for _ in range(MOST_TABLES):
-        starts = print_.below_headers(taken) if found else print_.tables(before)
+        starts = search.below_headers(taken) if found else search.tables(before)
         tried = [each for each in starts if each.found.score >= _LEAST_SCORE]
         if not tried:
             break
@@ -126,30 +88,12 @@ class _Tried:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Line:
-    """A row in columns: the words of each column by its place; `alien` is print that is in none."""
+class _Search:
+    """The rows of a page `width` pixels wide, and the table that is looked for."""
 
-    place: int
-    cells: Mapping[int, tuple[ZoneWord, ...]]
-    alien: bool
-
-    def kinds(self) -> dict[int, str]:
-        return {column: kind_of(_text(words)) for column, words in self.cells.items()}
-
-
-def _text(words: Sequence[ZoneWord]) -> str:
-    return " ".join(word.text for word in words)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Print:
-    """The rows of a page, what they are parted into, and the table that is looked for."""
-
-    page: Page
+    print: PageRows
+    width: float
     model: TableModel
-    em: float
-    rows: tuple[PrintedRow, ...]
-    parts: tuple[list[Segment], ...]
 
     def tables(self, before: FoundTable | None) -> Iterator[_Tried]:
         """Tables from every place where one may begin."""
@@ -170,7 +114,7 @@ class _Print:
     def _headers(self, taken: set[int]) -> Iterator[tuple[int, float]]:
         """Rows that may be a header, and how much their words say so."""
         least = max(1, min(2, len(self.model.columns)))
-        for place, parts in enumerate(self.parts):
+        for place, parts in enumerate(self.print.parts):
             if place in taken or len(parts) < least:
                 continue
             hits: dict[str, float] = {}
@@ -184,26 +128,17 @@ class _Print:
     def _run_starts(self) -> Iterator[int]:
         """First rows of runs that look like items."""
         last = -np.inf
-        for place, row in enumerate(self.rows):
+        for place, row in enumerate(self.print.rows):
             if not self._looks_like_item(place):
                 continue
-            if row.middle - last > _NEXT_ROW * self.em:
+            if row.middle - last > NEXT_ROW * self.print.em:
                 yield place
             last = row.middle
 
     def _looks_like_item(self, place: int) -> bool:
-        parts = self.parts[place]
+        parts = self.print.parts[place]
         numbers = sum(kind_of(part.text) in NUMERIC for part in parts)
         return len(parts) >= min(3, len(self.model.columns)) and numbers >= 1
-
-    def _below(self, place: int, taken: set[int]) -> Iterator[int]:
-        """Rows below one, up to the first gap."""
-        last = self.rows[place].middle
-        for at in range(place + 1, len(self.rows)):
-            if at in taken or self.rows[at].middle - last > _NEXT_ROW * self.em:
-                return
-            yield at
-            last = self.rows[at].middle
 
     def _tables_below(self, header: int, taken: set[int]) -> Iterator[_Tried]:
         """Tables below a header; a second line of the header belongs to it."""
@@ -212,13 +147,13 @@ class _Print:
         if above >= 0 and above not in taken and self._is_more_header(above, header):
             headers.insert(0, above)
         below = header + 1
-        if below < len(self.rows) and below not in taken and self._is_more_header(below, header):
+        if below < len(self.print.rows) and below not in taken and self._is_more_header(below, header):
             headers.append(below)
         seeds = _merged(
-            [[part] for part in self.parts[header]],
-            [part for place in headers if place != header for part in self.parts[place]],
+            [[part] for part in self.print.parts[header]],
+            [part for place in headers if place != header for part in self.print.parts[place]],
         )
-        first = next(iter(self._below(headers[-1], taken)), None)
+        first = next(iter(self.print.below(headers[-1], taken)), None)
         if first is None:
             return
         columns = [
@@ -233,13 +168,13 @@ class _Print:
 
     def _is_more_header(self, place: int, header: int) -> bool:
         """Whether a row next to a header is another line of it: near, small words over the same columns, no number."""
-        near = abs(self.rows[place].middle - self.rows[header].middle) < 1.35 * self.em
-        parts, main = self.parts[place], self.parts[header]
+        near = abs(self.print.rows[place].middle - self.print.rows[header].middle) < 1.35 * self.print.em
+        parts, main = self.print.parts[place], self.print.parts[header]
         return (
             near
             and len(parts) <= len(main)
             and all(kind_of(part.text) not in NUMERIC for part in parts)
-            and all(sum(_overlap(part.box, other.box) > 0 for other in main) == 1 for part in parts)
+            and all(sum(overlap(part.box, other.box) > 0 for other in main) == 1 for part in parts)
             and self._header_words(parts) > _HEADER_HIT
         )
 
@@ -251,17 +186,14 @@ class _Print:
     def _seeds_without_header(self, first: int, before: FoundTable | None) -> Iterator[list[PrintedColumn]]:
         """Columns of a table of which no header is known: those of the page before, or what all rows leave free."""
         if before is not None:
-            yield [
-                PrintedColumn(left, right, before.headers.get(label, ""))
-                for label, (left, right) in sorted(before.columns.items(), key=lambda each: each[1])
-            ]
-        rows = [first, *(place for place in self._below(first, set()) if self._looks_like_item(place))]
-        most = median(len(self.parts[place]) for place in rows)
-        rows = [place for place in rows if len(self.parts[place]) >= most]
-        intervals = sorted((part.box[0], part.box[2]) for place in rows for part in self.parts[place])
+            yield [PrintedColumn(left, right, header) for left, right, header in before.grid]
+        rows = [first, *(place for place in self.print.below(first, set()) if self._looks_like_item(place))]
+        most = median(len(self.print.parts[place]) for place in rows)
+        rows = [place for place in rows if len(self.print.parts[place]) >= most]
+        intervals = sorted((part.box[0], part.box[2]) for place in rows for part in self.print.parts[place])
         merged: list[list[float]] = []
         for left, right in intervals:
-            if merged and left < merged[-1][1] + 0.2 * self.em:
+            if merged and left < merged[-1][1] + 0.2 * self.print.em:
                 merged[-1][1] = max(merged[-1][1], right)
             else:
                 merged.append([left, right])
@@ -277,167 +209,62 @@ class _Print:
         before: FoundTable | None,
     ) -> Iterator[_Tried]:
         """The table whose first row is at or below `first`, in columns that begin as `seeds`, and cut at numbers."""
-        places = [first, *self._below(first, taken)]
-        columns, lines = self._in_columns(seeds, places)
+        places = [first, *self.print.below(first, taken)]
+        columns, lines = in_columns(self.print, seeds, places)
         if not headers and before is None and (named := self._with_header_above(first, columns)):
             headers, columns = (first - 1,), named
         variants = [columns]
-        above = [word for place in headers for word in self.rows[place].words]
-        usual = [line for line in lines if self._fills(line, columns)] or lines[:1]
-        finer = split_at_numbers(columns, [line.cells for line in usual], above, self.em)
+        above = [word for place in headers for word in self.print.rows[place].words]
+        usual = [line for line in lines if fills(line, columns)] or lines[:1]
+        finer = split_at_numbers(columns, [line.cells for line in usual], above, self.print.em)
         if len(finer) > len(columns):
             variants.append(finer)
         for columns in variants:
-            measured, lines = self._in_columns(columns, places)
+            measured, lines = in_columns(self.print, columns, places)
             if (tried := self._table(headers, measured, lines, before)) is not None:
                 yield tried
-
-    def _in_columns(
-        self, seeds: Sequence[PrintedColumn], places: Sequence[int]
-    ) -> tuple[list[PrintedColumn], list[_Line]]:
-        """The columns as wide as their print, and the rows in them."""
-        columns = list(seeds)
-        for _ in range(2):
-            lines = [self._line(place, columns) for place in places]
-            usual = [line for line in lines if self._fills(line, columns)] or lines[:1]
-            columns = _widened(seeds, usual)
-        return columns, [self._line(place, columns) for place in places]
 
     def _with_header_above(self, first: int, columns: Sequence[PrintedColumn]) -> list[PrintedColumn]:
         """The columns with the words of the row above the first one as their headers, if it may be one; else none."""
         above = first - 1
-        if above < 0 or self.rows[first].middle - self.rows[above].middle > _NEXT_ROW * self.em:
+        if (
+            above < 0
+            or self.print.rows[first].middle - self.print.rows[above].middle > NEXT_ROW * self.print.em
+        ):
             return []
-        line = self._line(above, columns)
+        line = row_cells(self.print, above, columns)
         if line.alien or len(line.cells) < max(2, len(columns) / 2) or NUMERIC & set(line.kinds().values()):
             return []
-        return [replace(each, header=_text(line.cells.get(k, ()))) for k, each in enumerate(columns)]
+        return [replace(each, header=text_of(line.cells.get(k, ()))) for k, each in enumerate(columns)]
 
     def _table(
         self,
         headers: tuple[int, ...],
         columns: Sequence[PrintedColumn],
-        lines: Sequence[_Line],
+        lines: Sequence[RowCells],
         before: FoundTable | None,
     ) -> _Tried | None:
         """The table of these rows in these columns."""
-        scores = column_scores(self.model, columns, self.page.width)
+        scores = column_scores(self.model, columns, self.width)
         if before is not None:
-            scores += _as_before(self.model, columns, before, self.em)
+            scores += _as_before(self.model, columns, before, self.print.em)
         assignment = with_products(self.model, assign_columns(self.model, scores), scores, columns)
         if sum(place is not None for place in assignment.places.values()) < min(2, len(self.model.columns)):
             return None
-        body = self._body(lines, assignment)
+        body = find_body(self.print, self.model, lines, assignment)
         if not body.items:
             return None
         return self._found(headers, columns, assignment, body)
-
-    def _line(self, place: int, columns: Sequence[PrintedColumn]) -> _Line:
-        """The words of a row by column: whole parts where they lie in one column, else word by word."""
-        cells: dict[int, list[ZoneWord]] = {}
-        alien = False
-        for part in self.parts[place]:
-            over = [k for k, column in enumerate(columns) if _overlap(part.box, _span(column)) > 0]
-            if len(over) == 1:
-                cells.setdefault(over[0], []).extend(part.words)
-                continue
-            for word in part.words:
-                nearest = min(range(len(columns)), key=lambda k: _distance(word.box, columns[k]))
-                if over or _distance(word.box, columns[nearest]) < _NEAR * self.em:
-                    cells.setdefault(nearest, []).append(word)
-                else:
-                    alien = True
-        return _Line(place, {k: tuple(words) for k, words in cells.items()}, alien)
-
-    def _fills(self, line: _Line, columns: Sequence[PrintedColumn]) -> bool:
-        """Whether a row fills most columns and has a number: what columns are measured by."""
-        numbers = sum(kind in NUMERIC for kind in line.kinds().values())
-        return not line.alien and len(line.cells) >= 0.6 * len(columns) and numbers >= 1
-
-    def _body(self, lines: Sequence[_Line], assignment: Assignment) -> "_Body":
-        """Items and the rows between them, from the first item to where the table ends."""
-        label_of = {place: label for label, place in assignment.places.items() if place is not None}
-        known = {column.label: column for column in self.model.columns}
-        items: list[tuple[_Line, float]] = []
-        loose: list[_Line] = []
-        kept: list[_Line] = []
-        for line in lines:
-            kinds = line.kinds()
-            odds = _ALIEN if line.alien else 0.0
-            for place, label in label_of.items():
-                column = known[label]
-                share = (column.cells + 0.5) / (max(column.rows, column.cells) + 1.0)
-                odds += (
-                    kind_evidence(column, kinds[place])
-                    if place in kinds
-                    else np.log(2.0 * (1.0 - share) + 0.02)
-                )
-            number = any(kinds.get(place) in NUMERIC for place in label_of)
-            if odds > 0 and (number or not self._has_numbers()):
-                items.append((line, float(odds)))
-                kept += loose
-                loose = []
-                if len(items) >= MOST_ITEMS:
-                    break
-            elif self._is_text_only(line, kinds, label_of):
-                loose.append(line)
-            elif items:
-                break
-            else:
-                loose = []
-        trailing = self._close(items[-1][0] if items else None, loose, kept)
-        return _Body(tuple(items), (*kept, *trailing))
-
-    def _has_numbers(self) -> bool:
-        return any(
-            column.kinds.get(kind, 0.0) > 0.5 * column.cells
-            for column in self.model.columns
-            for kind in NUMERIC
-        )
-
-    def _is_text_only(self, line: _Line, kinds: Mapping[int, str], label_of: Mapping[int, str]) -> bool:
-        """Whether a row only has text in columns of text: the rest of a description."""
-        known = {column.label: column for column in self.model.columns}
-        for place in line.cells:
-            label = label_of.get(place)
-            if label is None or _is_numeric(known[label].kinds):
-                return False
-        return not line.alien and bool(line.cells)
-
-    def _close(self, last: _Line | None, loose: Sequence[_Line], kept: Sequence[_Line]) -> tuple[_Line, ...]:
-        """Of rows of text below the last item those that are as near as lines of one item are."""
-        if last is None:
-            return ()
-        near = 1.25 * self._usual_step(kept) if kept else 1.4 * self.em
-        found = []
-        middle = self.rows[last.place].middle
-        for line in loose:
-            if self.rows[line.place].middle - middle > near:
-                break
-            middle = self.rows[line.place].middle
-            found.append(line)
-        return tuple(found)
-
-    def _usual_step(self, lines: Sequence[_Line]) -> float:
-        """Of each row to its nearer neighbour."""
-        steps = []
-        for line in lines:
-            at, place = self.rows[line.place].middle, line.place
-            around = [
-                abs(at - self.rows[k].middle) for k in (place - 1, place + 1) if 0 <= k < len(self.rows)
-            ]
-            steps.append(min(around))
-        return median(steps)
 
     def _found(
         self,
         headers: tuple[int, ...],
         columns: Sequence[PrintedColumn],
         assignment: Assignment,
-        body: "_Body",
+        body: TableBody,
     ) -> _Tried:
         label_of = {place: label for label, place in assignment.places.items() if place is not None}
-        groups = self._grouped(body)
+        groups = lines_of_items(self.print, self.model, body)
         rows = []
         for (_, odds), lines in zip(body.items, groups, strict=True):
             cells: dict[str, FoundCell] = {}
@@ -452,83 +279,22 @@ class _Print:
         of_rows = np.log1p(sum(odds for _, odds in body.items))
         found = FoundTable(
             tuple(rows),
-            tuple(_text(line.cells.get(discount, ())) for line, _ in body.items),
+            tuple(text_of(line.cells.get(discount, ())) for line, _ in body.items),
             {label: (columns[place].left, columns[place].right) for place, label in label_of.items()},
+            tuple((column.left, column.right, column.header) for column in columns),
             {label: columns[place].header for place, label in label_of.items() if columns[place].header},
-            tuple(word for place in sorted(used) for word in self.rows[place].words),
+            tuple(word for place in sorted(used) for word in self.print.rows[place].words),
             assignment.score + min(_MOST_ROWS, float(of_rows)),
         )
         return _Tried(found, used)
-
-    def _grouped(self, body: "_Body") -> list[list[_Line]]:
-        """The lines of every item, from the top down: rows of text go to the item above them, or to the one below."""
-        at_top = np.log((self.model.at_top + 0.5) / (self.model.at_bottom + 0.5))
-        anchors = [line.place for line, _ in body.items]
-        for line in body.loose:
-            above = [place for place in anchors if place < line.place]
-            below = [place for place in anchors if place > line.place]
-            if not above or not below:
-                at_top += 1.5 if above else -1.5
-                continue
-            middle = self.rows[line.place].middle
-            to_above, to_below = middle - self.rows[above[-1]].middle, self.rows[below[0]].middle - middle
-            at_top += float(np.clip((to_below - to_above) / (0.1 * self.em), -1.0, 1.0))
-        groups: dict[int, list[_Line]] = {line.place: [line] for line, _ in body.items}
-        for line in body.loose:
-            above = [place for place in anchors if place < line.place]
-            below = [place for place in anchors if place > line.place]
-            chosen = (above[-1:] or below[:1]) if at_top > 0 else (below[:1] or above[-1:])
-            groups[chosen[0]].append(line)
-        return [sorted(lines, key=lambda each: each.place) for lines in groups.values()]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Body:
-    """Items, each with log odds of being one, and the rows of text that belong to them."""
-
-    items: tuple[tuple[_Line, float], ...]
-    loose: tuple[_Line, ...]
-
-
-def _is_numeric(kinds: Mapping[str, float]) -> bool:
-    return sum(kinds.get(kind, 0.0) for kind in NUMERIC) > 0.5 * sum(kinds.values())
-
-
-def _overlap(box: Box, other: Box) -> float:
-    return min(box[2], other[2]) - max(box[0], other[0])
-
-
-def _span(column: PrintedColumn) -> Box:
-    return column.left, 0.0, column.right, 0.0
-
-
-def _distance(box: Box, column: PrintedColumn) -> float:
-    """From a word to a column, negative where they overlap."""
-    return max(column.left - box[2], box[0] - column.right)
 
 
 def _merged(seeds: list[list[Segment]], more: Sequence[Segment]) -> list[list[Segment]]:
     """The parts of a header's main line, with those of its other lines that are over or below them."""
     for part in more:
-        best = max(seeds, key=lambda seed: _overlap(part.box, seed[0].box))
+        best = max(seeds, key=lambda seed: overlap(part.box, seed[0].box))
         best.append(part)
     return seeds
-
-
-def _widened(seeds: Sequence[PrintedColumn], lines: Sequence[_Line]) -> list[PrintedColumn]:
-    """The columns as wide as the words of these rows, with the kinds of their cells; none reaches into the next one."""
-    found = []
-    for place, seed in enumerate(seeds):
-        words = [line.cells.get(place, ()) for line in lines]
-        left = min([seed.left, *(word.box[0] for own in words for word in own)])
-        right = max([seed.right, *(word.box[2] for own in words for word in own)])
-        found.append(replace(seed, left=left, right=right, cells=tuple(map(_text, words))))
-    for k in range(len(found) - 1):
-        a, b = found[k], found[k + 1]
-        if a.right > b.left:
-            middle = (a.right + b.left) / 2
-            found[k], found[k + 1] = replace(a, right=middle), replace(b, left=middle)
-    return found
 
 
 def _as_before(

@@ -8,7 +8,8 @@ import numpy as np
 
 from services.layout.page import Box, Page, Zone, ZoneWord
 from services.layout.segmentation import FinePage, compose_page
-from services.layout.tables.finding import FoundTable, find_tables
+from services.layout.tables.finding import find_tables
+from services.layout.tables.found_table import FoundTable
 from services.layout.tables.print_rows import box_of, printed_rows
 from services.layout.tables.table_model import TableModel
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 from services.layout.page import Box, Page, ZoneWord
 from services.layout.tables.column_products import count_products
-from services.layout.tables.finding import FoundTable, find_tables
+from services.layout.tables.finding import find_tables
+from services.layout.tables.found_table import FoundTable
 from services.layout.tables.gathering import gather_zones
 from services.layout.tables.print_rows import (
     NUMERIC,

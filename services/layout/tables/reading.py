@@ -16,7 +16,8 @@ from services.layout.tables.column_products import (
     product_rule,
     tests_product,
 )
-from services.layout.tables.finding import FoundCell, FoundTable, find_tables
+from services.layout.tables.finding import find_tables
+from services.layout.tables.found_table import FoundCell, FoundTable
 from services.layout.tables.item_table import ItemTable, TableCell, TableChecks
 from services.layout.tables.print_rows import em_of, kind_of, page_words, printed_rows, segments_of
 from services.layout.tables.table_model import TableModel
