@@ -282,7 +282,11 @@ class _Search:
             tuple(text_of(line.cells.get(discount, ())) for line, _ in body.items),
             {label: (columns[place].left, columns[place].right) for place, label in label_of.items()},
             tuple((column.left, column.right, column.header) for column in columns),
-            {label: columns[place].header for place, label in label_of.items() if columns[place].header},
+            {
+                label: columns[place].header
+                for place, label in label_of.items()
+                if headers and columns[place].header
+            },
             tuple(word for place in sorted(used) for word in self.print.rows[place].words),
             assignment.score + min(_MOST_ROWS, float(of_rows)),
         )

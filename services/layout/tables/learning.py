@@ -257,15 +257,18 @@ def _with_second_line(
 def _over_columns(
     parts: Sequence[Segment], columns: Mapping[str, Box], em: float
 ) -> dict[str, list[Segment]]:
-    """The parts of a row by the column that each is over."""
-    found: dict[str, list[Segment]] = {}
+    """The parts of a row by the column that each is over, or, where none is, nearest to."""
+    near: dict[str, list[tuple[float, Segment]]] = {}
     for part in parts:
         distances = {label: _from_column(part.box, box) for label, box in columns.items()}
-        if not distances:
-            continue
         nearest = min(distances, key=lambda label: distances[label])
         if distances[nearest] < _FAR * em:
-            found.setdefault(nearest, []).append(part)
+            near.setdefault(nearest, []).append((distances[nearest], part))
+    found = {}
+    for label, own in near.items():
+        x0, _, x1, _ = columns[label]
+        over = [part for _, part in own if min(part.box[2], x1) > max(part.box[0], x0)]
+        found[label] = over or [min(own, key=lambda each: each[0])[1]]
     return found
 
 

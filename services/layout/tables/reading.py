@@ -25,7 +25,9 @@ from services.layout.values.typed_value import find_value, plain_text
 
 _MOST_CERTAIN = 0.995
 _CHECKED = 1.5
-"""Log odds by which a cell whose row or column adds up is surer, and one that does not is less sure."""
+"""Log odds by which a cell is surer whose row or column adds up, and less sure whose column does not."""
+_UNLIKE = -3.0
+"""Log odds of a cell of a row that does not: one of three is wrong."""
 _MOST_AMOUNTS = 60
 """Amounts below a table that its sum is looked for among; the last ones."""
 _CENT = Decimal("0.02")
@@ -65,7 +67,7 @@ def _item_table(table: FoundTable, plan: TablePlan, sum_fits: bool | None) -> It
         for label in labels:
             odds = 0.0
             if rule is not None and label in (rule.of, rule.by, rule.gives) and fit is not None:
-                odds += _CHECKED if fit else -_CHECKED
+                odds += _CHECKED if fit else _UNLIKE
             if label == added and sum_fits is not None:
                 odds += _CHECKED if sum_fits else -_CHECKED
             cells.append(None if label not in row else _cell(row[label], label, plan, odds))
