@@ -53,12 +53,16 @@ def test_a_wrong_product_is_named_and_its_cells_are_less_sure(plan: TablePlan) -
     wrong = read(with_text(words, page.rows[2]["price"].text, "7.777,77"), plan)
     assert wrong.checks.unlike == (2,)
     assert wrong.checks.products_fit is False
-    for column in (1, 2, 3):
+    for column in (1, 2):
         before, after = right.rows[2][column], wrong.rows[2][column]
         assert before is not None
         assert after is not None
         assert after.confidence < before.confidence - 0.1
     assert right.rows[1] == wrong.rows[1]
+    # Its amount is surer than the others: the column adds up.
+    assert wrong.rows[2][3] is not None
+    assert wrong.rows[2][2] is not None
+    assert wrong.rows[2][3].confidence > wrong.rows[2][2].confidence + 0.1
 
 
 def test_amounts_that_do_not_add_up(plan: TablePlan) -> None:
