@@ -9,6 +9,7 @@ import numpy as np
 from services.arrays import GrayImage, RgbImage
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
+from services.imaging.rulings import without_grids
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
@@ -280,9 +281,9 @@ def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
 
 
 def readable(gray: GrayImage) -> GrayImage:
-    """The page (H, W) in even light; one with dark ground as it is.
+    """The page (H, W) in even light and without the grids of its tables; one with dark ground as it is.
 
     An engine with a global threshold loses half of the words in shadows.
     """
     is_light = np.median(gray[::8, ::8]) >= LIGHT_GROUND
-    return flatten_illumination(gray) if is_light else gray
+    return without_grids(flatten_illumination(gray)) if is_light else gray
