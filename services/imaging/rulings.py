@@ -28,8 +28,8 @@ def without_grids(page: GrayImage) -> GrayImage:
         return page
     paper = int(np.median(page[::8, ::8]))
     dark = (page < paper - _DARK).astype(np.uint8)
-    level = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((1, level_px), np.uint8))
-    upright = cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((upright_px, 1), np.uint8))
+    level = np.asarray(cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((1, level_px), np.uint8)), np.uint8)
+    upright = np.asarray(cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((upright_px, 1), np.uint8)), np.uint8)
     if not level.any() or not upright.any():
         return page
     rules = _grids(level, upright)
@@ -45,10 +45,11 @@ def _grids(level: NDArray[np.uint8], upright: NDArray[np.uint8]) -> NDArray[np.u
     """The rules (H, W) that belong to grids: connected ones of which enough are level and enough upright."""
     joined = cv2.dilate(level | upright, np.ones((3, 3), np.uint8))
     count, groups = cv2.connectedComponents(joined, connectivity=8)
-    levels, uprights = _rules_of(level, groups, count), _rules_of(upright, groups, count)
+    of_pixels = np.asarray(groups, np.int32)
+    levels, uprights = _rules_of(level, of_pixels, count), _rules_of(upright, of_pixels, count)
     is_grid = (levels >= _FEWEST_LEVEL) & (uprights >= _FEWEST_UPRIGHT)
     is_grid[0] = False
-    return ((level | upright) * is_grid[groups]).astype(np.uint8)
+    return np.asarray((level | upright) * is_grid[of_pixels], np.uint8)
 
 
 def _rules_of(rules: NDArray[np.uint8], groups: NDArray[np.int32], count: int) -> NDArray[np.intp]:

@@ -236,6 +236,7 @@ class _Column(TypedDict):
     kinds: ByName[Positive]
     left: tuple[Total, SignedTotal, Total]
     right: tuple[Total, SignedTotal, Total]
+    sizes: tuple[Total, SignedTotal, Total]
 
 
 class _Product(TypedDict):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rapidfuzz.fuzz import ratio
 from scipy.optimize import linear_sum_assignment
 
+from services.layout.tables.cell_numbers import number_of, size_of
 from services.layout.tables.print_rows import KINDS, header_words, kind_of
 from services.layout.tables.table_model import ColumnModel, Sums, TableModel
 
@@ -28,6 +29,8 @@ _PRIOR_CELLS = 2.0
 """As if so many cells had been seen, of every kind alike."""
 _KINDS_COUNT = 3.0
 """Cells of one column say the same again and again: their mean counts as so many."""
+_USUAL_SIZE, _SPREAD_OF_SIZES, _LEAST_SPREAD = 1.5, 1.2, 0.3
+"""Mean and standard deviation of common logarithms of numbers in tables, and the least deviation within a column."""
 _UNFILLED = 0.02
 _NEVER = 1e3
 _SUREST = 6.0
@@ -125,18 +128,44 @@ def edge_evidence(sums: Sums, share: float) -> float:
     return float(np.clip(log, -_MOST_OF_EDGE, _MOST_OF_EDGE))
 
 
+def size_evidence(sums: Sums, sizes: Sequence[float]) -> float:
+    """Log likelihood ratio of the sizes of numbers of a column against those of any: quantities are small, prices not.
+
+    Numbers of one column are alike, so that their mean counts as a few.
+    """
+    count, total, squares = sums
+    if count < 0.5 or not sizes:
+        return 0.0
+    weight = count + _USUAL_EDGES
+    mean = (total + _USUAL_EDGES * _USUAL_SIZE) / weight
+    variance = (
+        max(0.0, squares - count * (total / count) ** 2) + _USUAL_EDGES * _SPREAD_OF_SIZES**2
+    ) / weight + _LEAST_SPREAD**2
+    own = sum((size - mean) ** 2 for size in sizes) / len(sizes) / variance + math.log(variance)
+    usual = sum((size - _USUAL_SIZE) ** 2 for size in sizes) / len(
+        sizes
+    ) / _SPREAD_OF_SIZES**2 + 2 * math.log(_SPREAD_OF_SIZES)
+    odds = min(_KINDS_COUNT, len(sizes)) * (usual - own) / 2
+    return float(np.clip(odds, -_MOST_OF_EDGE, _MOST_OF_EDGE))
+
+
 def column_scores(model: TableModel, columns: Sequence[PrintedColumn], width: float) -> NDArray[np.float64]:
     """Scores (L, C) of printed columns for the labels of `model`; `width` is that of the page."""
     scores = np.zeros((len(model.columns), len(columns)))
     for place, printed in enumerate(columns):
         headers, printed_kinds = header_evidence(model, printed.header), printed.kinds
+        sizes = [size_of(number) for number in map(number_of, printed.cells) if number]
         for row, column in enumerate(model.columns):
             kinds = [kind_evidence(column, kind) for kind in printed_kinds]
             edges = max(
                 edge_evidence(column.left, printed.left / width),
                 edge_evidence(column.right, printed.right / width),
             )
-            of_kinds = min(_KINDS_COUNT, len(kinds)) * sum(kinds) / len(kinds) if kinds else -1.0
+            of_kinds = (
+                size_evidence(column.sizes, sizes) + min(_KINDS_COUNT, len(kinds)) * sum(kinds) / len(kinds)
+                if kinds
+                else -1.0
+            )
             scores[row, place] = headers[column.label] + edges + of_kinds
     return scores
 

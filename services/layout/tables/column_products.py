@@ -4,7 +4,6 @@ Which labels do so is learned from samples, so that it needs neither their names
 firm it tells which columns they are.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
@@ -13,6 +12,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.tables.cell_numbers import number_of
 from services.layout.tables.column_evidence import Assignment, PrintedColumn, assign_columns
 from services.layout.tables.table_model import MOST_PRODUCTS, ProductRule, TableModel
 
@@ -27,29 +27,6 @@ _LEAST_FITS = 0.7
 _A_ROW = 2.5
 _MOST_GAIN = 5.0
 """Log odds that columns whose numbers fit are those of the rule: of one row, and of all."""
-
-_DIGITS = re.compile(r"[-−–]?\d[\d.,'’ \u00a0\u202f]*")
-
-
-def number_of(text: str) -> Decimal | None:
-    """The one number of a text, whichever signs it has for decimals and thousands; None where it has none, or several.
-
-    What follows the last point or comma are decimals unless they are three digits.
-    """
-    found = _DIGITS.findall(" ".join(text.split()))
-    if len(found) != 1:
-        return None
-    digits = re.sub(r"[\s'’]", "", found[0]).replace("−", "-").replace("–", "-").rstrip(".,")
-    whole, sign, decimals = digits, "", ""
-    if (last := max(digits.rfind("."), digits.rfind(","))) >= 0:
-        whole, sign, decimals = digits[:last], digits[last], digits[last + 1 :]
-    if sign and len(decimals) == 3 and whole.lstrip("-") not in ("0", ""):
-        whole, decimals = whole + decimals, ""
-    whole = whole.replace(".", "").replace(",", "")
-    try:
-        return Decimal(f"{whole or '0'}.{decimals or '0'}")
-    except ArithmeticError:
-        return None
 
 
 def fits_product(one: Decimal, other: Decimal, product: Decimal) -> bool:

@@ -3,8 +3,10 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import reduce
 
 from services.layout.page import Box, Page, ZoneWord
+from services.layout.tables.cell_numbers import number_of, size_of
 from services.layout.tables.column_products import count_products
 from services.layout.tables.finding import find_tables
 from services.layout.tables.found_table import FoundTable
@@ -189,6 +191,7 @@ def _with_cells(
         kinds=dict(sorted(kinds.items())),
         left=left,
         right=right,
+        sizes=reduce(_added, map(size_of, filter(None, map(number_of, map(_text, cells)))), column.sizes),
     )
 
 

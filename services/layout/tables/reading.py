@@ -10,9 +10,9 @@ from scipy.special import expit, logit
 
 from services.contract.fields import FieldSetting
 from services.layout.page import Page, ZoneWord
+from services.layout.tables.cell_numbers import number_of
 from services.layout.tables.column_products import (
     fits_product,
-    number_of,
     product_rule,
     tests_product,
 )

@@ -17,7 +17,7 @@ class ColumnModel:
 
     `samples` is how many pages had it, `cells` how many cells were seen in `rows` rows of these pages. `headers` counts
     the pages with a word in the column's header, `kinds` the cells of each kind of value (`print_rows.kind_of`). `left`
-    and `right` are sums of its edges as shares of the page's width.
+    and `right` are sums of its edges as shares of the page's width, `sizes` those of common logarithms of its numbers.
     """
 
     label: str
@@ -28,6 +28,7 @@ class ColumnModel:
     kinds: Mapping[str, float] = field(default_factory=dict)
     left: Sums = (0.0, 0.0, 0.0)
     right: Sums = (0.0, 0.0, 0.0)
+    sizes: Sums = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ from decimal import Decimal
 
 import pytest
 
-from services.layout.tables.column_products import count_products, fits_product, number_of, product_rule
+from services.layout.tables.cell_numbers import number_of
+from services.layout.tables.column_products import count_products, fits_product, product_rule
 from services.layout.tables.table_model import TableModel
 from tests.services.layout.tables.invoices import ALDER, taught
 
