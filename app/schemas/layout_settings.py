@@ -125,7 +125,10 @@ class SettingsBody(BaseModel):
         "figure, img: the zone is cut out of the picture. figcaption: the caption of the figure next to it. none: left "
         "out.",
     )
-    items: Annotated[list[LabelName], Field(max_length=MOST_COLUMNS)] | None = Field(
+    items: (
+        Annotated[list[LabelName], Field(max_length=MOST_COLUMNS, json_schema_extra={"uniqueItems": True})]
+        | None
+    ) = Field(
         default=None,
         description="Labels of the columns of a table of items; null or empty: none. Samples label the cells of one or "
         "two rows with them. The next initialization learns the table.",
