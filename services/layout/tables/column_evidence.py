@@ -33,6 +33,7 @@ _USUAL_SIZE, _SPREAD_OF_SIZES, _LEAST_SPREAD = 1.5, 1.2, 0.3
 """Mean and standard deviation of common logarithms of numbers in tables, and the least deviation within a column."""
 _UNFILLED = 0.02
 _NEVER = 1e3
+_ALWAYS = 100.0
 _SUREST = 6.0
 """Log odds that a column is that of its label; more is not believed."""
 
@@ -67,9 +68,13 @@ class Assignment:
 
 
 def kind_evidence(column: ColumnModel, kind: str) -> float:
-    """Log likelihood ratio of one cell as one of this column, against one of any column."""
-    seen = sum(column.kinds.values()) + _PRIOR_CELLS
-    return math.log((column.kinds.get(kind, 0.0) + _PRIOR_CELLS / len(KINDS)) / seen * len(KINDS) / 2.0)
+    """Log likelihood ratio of one cell as one of this column, against one of any column.
+
+    All cells of a page are of one firm, so that they count as one.
+    """
+    share = column.kinds.get(kind, 0.0) / max(1.0, sum(column.kinds.values()))
+    seen = column.samples * share + _PRIOR_CELLS / len(KINDS)
+    return math.log(seen / (column.samples + _PRIOR_CELLS) * len(KINDS) / 2.0)
 
 
 def header_evidence(model: TableModel, text: str) -> dict[str, float]:
@@ -180,8 +185,9 @@ def assign_columns(
     scores = scores.copy()
     for label, place in (given or {}).items():
         row = model.labels.index(label)
-        scores[row, np.arange(scores.shape[1]) != place] = -_NEVER
+        scores[row] = np.where(np.arange(scores.shape[1]) == place, scores[row] + _ALWAYS, -_NEVER)
     best, total = _solve(model, scores)
+    given_gain = _ALWAYS * len(given or {})
     sure = {}
     for row, label in enumerate(model.labels):
         own = best[row]
@@ -190,7 +196,7 @@ def assign_columns(
         other = scores.copy()
         other[row, own] = -_NEVER
         sure[label] = min(_SUREST, total - _solve(model, other)[1])
-    return Assignment(dict(zip(model.labels, best, strict=True)), total, sure)
+    return Assignment(dict(zip(model.labels, best, strict=True)), total - given_gain, sure)
 
 
 def _solve(model: TableModel, scores: NDArray[np.float64]) -> tuple[list[int | None], float]:

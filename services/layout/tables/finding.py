@@ -50,6 +50,8 @@ MOST_TABLES = 4
 """Of a page."""
 _MOST_STARTS = 12
 """Places of a page where a table is tried to begin, the best ones; one takes 1 ms."""
+_MOST_LINES = 3
+"""Rows above the first one with numbers among which an unknown header is looked for."""
 _HEADER_HIT = 0.7
 """Log odds of a header's word from which on it is one of a label."""
 _LEAST_SCORE = 2.0
@@ -211,8 +213,9 @@ class _Search:
         """The table whose first row is at or below `first`, in columns that begin as `seeds`, and cut at numbers."""
         places = [first, *self.print.below(first, taken)]
         columns, lines = in_columns(self.print, seeds, places)
-        if not headers and before is None and (named := self._with_header_above(first, columns)):
-            headers, columns = (first - 1,), named
+        if not headers and before is None:
+            headers, columns = self._with_header_above(first, columns)
+            places = [*range(headers[0] + 1, first), *places] if headers else places
         variants = [columns]
         above = [word for place in headers for word in self.print.rows[place].words]
         usual = [line for line in lines if fills(line, columns)] or lines[:1]
@@ -224,18 +227,25 @@ class _Search:
             if (tried := self._table(headers, measured, lines, before)) is not None:
                 yield tried
 
-    def _with_header_above(self, first: int, columns: Sequence[PrintedColumn]) -> list[PrintedColumn]:
-        """The columns with the words of the row above the first one as their headers, if it may be one; else none."""
-        above = first - 1
-        if (
-            above < 0
-            or self.print.rows[first].middle - self.print.rows[above].middle > NEXT_ROW * self.print.em
-        ):
-            return []
-        line = row_cells(self.print, above, columns)
-        if line.alien or len(line.cells) < max(2, len(columns) / 2) or NUMERIC & set(line.kinds().values()):
-            return []
-        return [replace(each, header=text_of(line.cells.get(k, ()))) for k, each in enumerate(columns)]
+    def _with_header_above(
+        self, first: int, columns: list[PrintedColumn]
+    ) -> tuple[tuple[int, ...], list[PrintedColumn]]:
+        """The row above the first item that may be a header, and the columns with its words; none, and the same ones.
+
+        Lines of the first item's text may be between them.
+        """
+        for place in range(first - 1, max(-1, first - 1 - _MOST_LINES), -1):
+            if self.print.rows[place + 1].middle - self.print.rows[place].middle > NEXT_ROW * self.print.em:
+                break
+            line = row_cells(self.print, place, columns)
+            if NUMERIC & set(line.kinds().values()) or line.alien:
+                break
+            if len(line.cells) >= max(2, len(columns) / 2):
+                named = [
+                    replace(each, header=text_of(line.cells.get(k, ()))) for k, each in enumerate(columns)
+                ]
+                return (place,), named
+        return (), columns
 
     def _table(
         self,
