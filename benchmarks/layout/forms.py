@@ -7,7 +7,7 @@ of other firms. Four firms, one of each language, are set aside: no model of oth
 figures have rows of their own. *Words*: the drawn words, without OCR. *Scans*: pictures of 225 dpi, read as the service
 reads; *photos*: of a flat and of a bent sheet, flattened first; both by models of scans. Texts are right by letters
 without accents and digits. A row is found where one of its cells is right; rows that are there too much are counted
-apart. *Stacks*: 10 to 30 pages of six firms, later pages by models of their own; where documents begin.
+apart. *Stacks*: 10 to 30 pages of six firms that are one class, with a model of later pages; where documents begin.
 """
 
 import sys
@@ -25,7 +25,7 @@ from benchmarks.common.places import BASELINE, MEMORY, OUTPUT
 from benchmarks.common.workers import Progress, run_in_workers
 from benchmarks.layout.form_documents import (
     ASIDE,
-    Form,
+    CLASS,
     Source,
     Tally,
     judge_form,
@@ -50,8 +50,8 @@ TESTED = {"words": 8, "scans": 2, "flat photos": 1, "bent photos": 1}
 """Forms of each firm."""
 _FIRST_TESTED = 100
 """Seeds of forms that are tested; samples have smaller ones."""
-LATER = 3
-"""Samples of later pages."""
+FIRST, LATER = 3, 2
+"""Samples of first and of later pages of each firm of a stack."""
 STACKS, STACK_FIRMS, FEWEST, MOST = 12, 6, 10, 30
 METRICS = {"right_percent": Metric(1.0, True)}
 PARTS = ("words", "scans", "photos", "stacks")
@@ -86,7 +86,7 @@ def measure_stack(number: int) -> tuple[int, int, int, int]:
     """Beginnings, those found, those found where none is, and pages of a stack."""
     rng = np.random.default_rng([41, number])
     firms = [FIRMS[place] for place in sorted(rng.choice(len(FIRMS), STACK_FIRMS, replace=False).tolist())]
-    models = [model for firm in firms for model in _models_of_stack(firm)]
+    models = _models_of_stack(firms)
     pages: list[Any] = []
     begins: list[bool] = []
     size = int(rng.integers(FEWEST, MOST + 1))
@@ -103,19 +103,24 @@ def measure_stack(number: int) -> tuple[int, int, int, int]:
     return len(true), len(true & given), len(given - true), len(pages)
 
 
-def _models_of_stack(firm: Firm) -> list[VersionedModel]:
-    """Of first pages, and of later ones."""
+def _models_of_stack(firms: Sequence[Firm]) -> list[VersionedModel]:
+    """One class of all these firms: a model of first pages, and one of later ones."""
     nothing = Memory(None)
-    forms: list[Form] = [make_form(firm, seed, "words", None, nothing) for seed in range(OWN)]
-    longer = [make_form(firm, seed, "words", None, nothing, items=36 + seed) for seed in range(LATER)]
-    later = [form.pages[-1] for form in longer]
+    first = [
+        make_form(firm, seed, "words", None, nothing).pages[0] for firm in firms for seed in range(FIRST)
+    ]
+    later = [
+        make_form(firm, seed, "words", None, nothing, items=36 + seed).pages[-1]
+        for firm in firms
+        for seed in range(LATER)
+    ]
     models = []
-    for name, pages in ((firm.name, [form.pages[0] for form in forms]), (f"{firm.name}, later", later)):
+    for name, pages, continues in ((CLASS, first, None), (f"{CLASS}, later", later, CLASS)):
         views = [sample_of(page) for page in pages]
         model = initialize_with_items(
             name, [page for page, _ in views], content_features(), [found for _, found in views], ITEMS
         )
-        models.append(VersionedModel(model, 1, continues=firm.name if pages is later else None))
+        models.append(VersionedModel(model, 1, continues=continues))
     return models
 
 
