@@ -32,6 +32,7 @@ from services.layout.recognition.documents import (
     recognize_document,
 )
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel
+from services.layout.recognition.results import Recognition
 from services.layout.recognition.stack import StackParts, part_stack
 from services.notices import Notice
 from services.operations.kept_picture import encode_kept_picture
@@ -128,17 +129,23 @@ def _recognize_pages(
         with progress_within(index * share, (index + 1) * share):
             seen.append(_measure(source, options, settings))
     report_progress("matching", MATCHING_BEGINS)
-    if not options.split:
-        return _recognize_document(seen, versions, models, options, settings, timings_ms)
-    with timed("beginnings", timings_ms):
-        features = content_features(settings.content_features)
+    features = content_features(settings.content_features)
+    with timed("tables", timings_ms):
         gathered = gather_tables(
             [(page.measured.page, page.measured.fine) for page in seen], versions, features
         )
-        parts = part_stack([page for page, _ in gathered], versions, features.names, DocumentParameters())
+    if not options.split:
+        return _recognize_document(seen, gathered, versions, models, options, settings, timings_ms, ())
+    with timed("beginnings", timings_ms):
+        parts = part_stack(
+            [page for page, _ in gathered], versions, features.names, _document_parameters(options)
+        )
     documents = []
     for begin, end in pairwise((*parts.beginnings, len(seen))):
-        reply = _recognize_document(seen[begin:end], versions, models, options, settings, timings_ms)
+        matched = parts.matched[begin:end]
+        reply = _recognize_document(
+            seen[begin:end], gathered[begin:end], versions, models, options, settings, timings_ms, matched
+        )
         reply.answer.warnings += describe_warnings(_unsure(parts, begin, end))
         documents.append(reply)
     return StackReply(documents)
@@ -174,27 +181,31 @@ def _check_format(options: LayoutOptions, pages: int) -> None:
     )
 
 
+def _document_parameters(options: LayoutOptions) -> DocumentParameters:
+    return DocumentParameters(recognition=RecognitionParameters(explain=options.explain))
+
+
 def _recognize_document(
     seen: Sequence[_SeenPage],
+    gathered: Sequence[SegmentedPage],
     versions: Sequence[VersionedModel],
     models: Sequence[ModelDocument],
     options: LayoutOptions,
     settings: LayoutSettings,
     before_ms: dict[str, float],
+    matched: Sequence[Recognition],
 ) -> DocumentReply:
-    """The reply about one document; `before_ms` are timings of what was done for all pages."""
+    """The reply about one document: `gathered`, `before_ms` and `matched` are of what was done for all pages."""
     timings_ms = dict(before_ms)
     features = content_features(settings.content_features)
-    parameters = RecognitionParameters(explain=options.explain)
+    parameters = _document_parameters(options)
     with timed("matching", timings_ms):
-        plain = [(page.measured.page, page.measured.fine) for page in seen]
-        gathered = gather_tables(plain, versions, features)
-        recognition = _recognize(gathered, versions, parameters, features)
+        recognition = _recognize(gathered, versions, parameters, features, matched)
         nearest = recognition.classes[0].name if recognition.classes else None
-        if any(a is not b for (a, _), (b, _) in zip(gathered, plain, strict=True)) and not has_table(
-            nearest, versions
-        ):
-            recognition = _recognize(plain, versions, parameters, features)
+        plain = [(page.measured.page, page.measured.fine) for page in seen]
+        is_gathered = any(a is not b for (a, _), (b, _) in zip(gathered, plain, strict=True))
+        if is_gathered and not has_table(nearest, versions):
+            recognition = _recognize(plain, versions, parameters, features, ())
         recognition = replace(recognition, pages=tuple(with_tables(recognition.pages, versions, models)))
     documents = [
         describe_page(placed, page.measured, options, models)
@@ -238,17 +249,20 @@ def _recognize_document(
 def _recognize(
     pages: Sequence[SegmentedPage],
     versions: Sequence[VersionedModel],
-    parameters: RecognitionParameters,
+    parameters: DocumentParameters,
     features: ContentFeatures,
+    matched: Sequence[Recognition],
 ) -> DocumentRecognition:
     """Class of the document, and labels of the zones of its pages."""
     seen = recognize_document(
-        [page for page, _ in pages], versions, features.names, DocumentParameters(recognition=parameters)
+        [page for page, _ in pages], versions, features.names, parameters, matched=matched
     )
     completed = (
         replace(
             placed,
-            recognition=complete_recognition(fine, placed.recognition, versions, parameters, features),
+            recognition=complete_recognition(
+                fine, placed.recognition, versions, parameters.recognition, features
+            ),
         )
         for placed, (_, fine) in zip(seen.pages, pages, strict=True)
     )
