@@ -243,6 +243,9 @@ def test_columns_of_items(client: httpx.Client) -> None:
         answer = client.patch(f"{PATH}/settings", json={"items": wrong})
         assert str(assert_problem(answer, 422, "invalid-option")["field"]).startswith("items")
     assert client.patch(f"{PATH}/settings", json={"genre": "x"}).json()["items"] == ["amount", "price"]
+    client.post(f"{PATH}/initialize").raise_for_status()
+    labels = [node["label"] for node in client.get(PATH).json()["nodes"]]
+    assert {"column amount", "column price"} <= set(labels)
     for none in (None, []):
         assert client.patch(f"{PATH}/settings", json={"items": none}).json()["items"] == []
 
