@@ -119,14 +119,14 @@ def make_form(
             words = [Word(word.text, word.box, _SURE) for word in page.words]
         else:
             assert engine is not None, "pictures cannot be read without an engine"
-            image = _picture(page, source, seed + number)
+            image = _picture(page, source, seed + number, engine)
             words = memory.page_words(ServiceReader(engine), readable(luminance(image)))
         segmented, fine = fine_page(image, words)
         pages.append(FormPage(page, segmented, fine, tuple(words), image.shape[:2]))
     return Form(firm.name, tuple(pages))
 
 
-def _picture(page: InvoicePage, source: Source, seed: int) -> RgbImage:
+def _picture(page: InvoicePage, source: Source, seed: int, engine: OcrEngine) -> RgbImage:
     assert page.image is not None, "it is drawn"
     if source == "scans":
         return np.repeat(page.image[..., None], 3, axis=2)
@@ -136,7 +136,7 @@ def _picture(page: InvoicePage, source: Source, seed: int) -> RgbImage:
     camera, shape = view.camera(*_PHOTO_PX), _SHAPES[source]
     truth = Truth(flat, shape, 0.0, view.pose(flat, shape, camera), camera)
     photo = take_photo(truth, LAMPS[seed % len(LAMPS)], PHONE, rng)
-    return rectify(photo.image, RectifyParameters()).image
+    return rectify(photo.image, RectifyParameters(), None, engine).image
 
 
 def sample_of(form: FormPage, rows: int = LABELLED_ROWS) -> tuple[Page, Page]:
