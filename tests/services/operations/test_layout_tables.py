@@ -76,6 +76,14 @@ def test_columns_are_no_labels_of_the_graph(document: dict[str, Any]) -> None:
     assert back["table"] == document["table"]
 
 
+def test_the_usual_cost_is_that_of_zones_of_segmentation(document: dict[str, Any]) -> None:
+    """Of three samples as they were found; as they were drawn, with four values each, they cost less than half."""
+    assert document["calibration"]["pages"] == 3
+    [page] = made(ALDER, 21)
+    found = recognize_again(found_page(page), [stored(document)], SETTINGS, words=False)
+    assert found["class"] is not None
+
+
 def test_without_columns_the_same_labels_are_those_of_zones() -> None:
     draft = initialize_from_samples("invoice", [sample(ALDER, seed) for seed in range(2)], SETTINGS)
     assert draft.document.get("table") is None
