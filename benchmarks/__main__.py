@@ -36,6 +36,7 @@ MODULES = {
     "layout_words": "layout.word_labels",
     "layout_values": "layout.values",
     "layout_receipts": "layout.receipts",
+    "layout_forms": "layout.forms",
     "layout_calibration": "layout.label_trust",
     "layout_evidence": "layout.evidence_learning",
     "layout_joins": "layout.join_learning",

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from benchmarks.common.plots import make_strip, save_picture
+from benchmarks.layout.table_picture import invoice_and_table
 from benchmarks.mosaic.ghosts import shifted_photo
 from services.arrays import RgbImage
 from services.contract.mosaic import Composition, MosaicParameters
@@ -180,6 +181,7 @@ def main(arguments: Sequence[str] = ()) -> int:
         "mosaic": four_photos(made),
         "ghosts": ghosts(made),
         "labelled-pages": labelled_pages(),
+        "invoice-table": invoice_and_table(),
     }
     for name, picture in pictures.items():
         save_picture(folder / f"{name}.jpg", picture)

@@ -204,6 +204,8 @@ class ModelRepository(Transactions):
             given = {**changes, "learner": changes.get("learner", before.learner)}
             if given["learner"] is None:
                 given["learner"] = DEFAULT_LEARNER
+            if "items" in changes:
+                given["items"] = tuple(changes["items"] or ())
             given |= {key: _merged(getattr(before, key), changes[key]) for key in _BY_LABEL & changes.keys()}
             after = replace(before, **given)
             require_settings(name, after)
@@ -213,7 +215,7 @@ class ModelRepository(Transactions):
                 if first.continues is not None or session.execute(others).first() is not None:
                     raise NotStorable("continues: a class that continues another cannot be continued itself")
             for key, value in changes.items():
-                setattr(row, key, _packed(getattr(after, key)) if key in _BY_LABEL else value)
+                setattr(row, key, _stored(key, getattr(after, key), value))
             if after != before:
                 state.revision += 1
                 self._list_change(session, name, ", ".join(sorted(changes)))
@@ -240,6 +242,13 @@ class ModelRepository(Transactions):
 def _merged(before: Mapping[str, Any], changes: Mapping[str, Any] | None) -> dict[str, Any]:
     merged = {} if changes is None else {**before, **changes}
     return {label: value for label, value in merged.items() if value is not None}
+
+
+def _stored(key: str, setting: Any, given: Any) -> Any:
+    """A setting as its column has it; a learner that is reset has none, so that it follows the release."""
+    if key == "items":
+        return encode_document({"labels": list(setting)}) if setting else None
+    return _packed(setting) if key in _BY_LABEL else given
 
 
 def _packed(by_label: Mapping[str, Any]) -> bytes | None:

@@ -25,7 +25,7 @@ from models.records import (
 )
 from models.tables import ModelRow, ResultRow, ReviewRow, SampleRow, StateRow, UnknownPageRow, VersionRow
 from models.ulid import is_ulid
-from services.contract.fields import MOST_FIELDS, FieldSetting, FieldSettingJson
+from services.contract.fields import MOST_COLUMNS, MOST_FIELDS, FieldSetting, FieldSettingJson
 from services.contract.html import HtmlElement
 from services.contract.layout_learning import DEFAULT_LEARNER, Learner
 from services.contract.model_json import ModelJson
@@ -89,7 +89,7 @@ def create_model(session: Session, name: str, now: datetime, max_models: int | N
         row = ModelRow(name=name, version=None, last_version=0, created_at=now, updated_at=now)
         session.add(row)
     row.created_at = row.updated_at = now
-    row.deleted_at = row.learner = row.genre = row.continues = row.fields = row.elements = None
+    row.deleted_at = row.learner = row.genre = row.continues = row.fields = row.elements = row.items = None
     session.flush()
     return row
 
@@ -200,6 +200,10 @@ def require_settings(name: str, settings: ModelSettings) -> None:
             raise NotStorable(f"a class can have settings of {MOST_FIELDS} labels")
         for label in labels:
             require_storable(label, "label")
+    if len(settings.items) > MOST_COLUMNS or len(set(settings.items)) < len(settings.items):
+        raise NotStorable(f"items: a table can have {MOST_COLUMNS} columns, each with a label of its own")
+    for label in settings.items:
+        require_storable(label, "label")
     if settings.continues == name:
         raise NotStorable("continues: a class cannot continue itself")
 
@@ -212,6 +216,7 @@ def settings_of(row: ModelRow) -> ModelSettings:
         continues=row.continues,
         fields={label: _field_setting(each) for label, each in fields.items()},
         elements={} if row.elements is None else decode_document(row.elements, dict[str, HtmlElement]),
+        items=() if row.items is None else tuple(decode_document(row.items, dict[str, list[str]])["labels"]),
     )
 
 

@@ -46,7 +46,7 @@ class ModelSettings:
 
     `genre` names the genre of the class; None: the service finds it by similarity. `continues` names the class whose
     later pages this class describes; None: it describes whole documents, or first pages. `fields` has the types of
-    fields, `elements` the elements of HTML pages, both by label.
+    fields, `elements` the elements of HTML pages, both by label. `items` are the labels of the columns of a table.
     """
 
     learner: Learner = DEFAULT_LEARNER
@@ -54,6 +54,7 @@ class ModelSettings:
     continues: str | None = None
     fields: Mapping[str, FieldSetting] = field(default_factory=dict)
     elements: Mapping[str, HtmlElement] = field(default_factory=dict)
+    items: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

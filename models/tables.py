@@ -77,6 +77,7 @@ class ModelRow(Table):
     continues: Mapped[str | None] = mapped_column(String(MAX_NAME))
     fields: Mapped[bytes | None] = mapped_column(LargeBinary)
     elements: Mapped[bytes | None] = mapped_column(LargeBinary)
+    items: Mapped[bytes | None] = mapped_column(LargeBinary)
 
 
 class VersionRow(Table):

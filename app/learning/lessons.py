@@ -7,6 +7,7 @@ from typing import get_args
 
 from app.engine.base import TimeLimit
 from app.learning.labelled_pages import layout_settings
+from app.learning.samples import items_of
 from app.state import AppState
 from models.records import StoredSample
 from services.contract.layout import ModelDocument
@@ -37,15 +38,17 @@ async def teach(
     settings = layout_settings(state.settings)
     adaptation = await state.engine.submit(state.operations.adapt_models, verified, models, settings)
     documents = dict(adaptation.documents)
-    if samples is not None and verified.verified_class is not None and adaptation.zones:
+    right = verified.verified_class
+    if samples is not None and right is not None and adaptation.zones:
         first = await state.engine.submit(
             state.operations.initialize_model,
-            verified.verified_class,
+            right,
             [*(sample.document for sample in samples), adaptation.sample],
             settings,
+            await state.store.call(lambda store: items_of(store, right)),
             time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
         )
-        documents[verified.verified_class] = first.document
+        documents[right] = first.document
     return Taught(adaptation, documents)
 
 

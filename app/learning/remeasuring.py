@@ -12,7 +12,7 @@ from fastapi import FastAPI
 
 from app.engine.base import TimeLimit
 from app.learning.labelled_pages import layout_settings
-from app.learning.samples import NoSamples, samples_note, samples_to_learn_from
+from app.learning.samples import NoSamples, items_of, samples_note, samples_to_learn_from
 from app.logs import configure_logs
 from app.main import create_app
 from app.run_folder import run_folder
@@ -124,6 +124,7 @@ async def _make_version(state: AppState, name: str) -> str:
             name,
             documents,
             layout_settings(state.settings),
+            await state.store.call(lambda store: items_of(store, name)),
             time_limit=limit,
         )
         note = samples_note(samples)

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Container, Sequence
 
+from models.errors import ModelNotFound
 from models.records import StoredSample
 from models.repository import Store
 from services.errors import DocumentError
@@ -40,6 +41,14 @@ def samples_note(samples: Sequence[StoredSample]) -> str:
         return f"{len(samples)} samples"
     seen = ", ".join(f"{count} by segmentation {name}" for name, count in sorted(names.items()))
     return f"{len(samples)} samples: {seen}" + (f", {unseen} without" if unseen else "")
+
+
+def items_of(store: Store, name: str) -> tuple[str, ...]:
+    """The columns of the table of a class, by its settings; none of a class that does not exist yet."""
+    try:
+        return store.settings(name).items
+    except ModelNotFound:
+        return ()
 
 
 def newest_samples(store: Store, name: str, without_results: Container[str] = ()) -> list[StoredSample]:

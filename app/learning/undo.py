@@ -15,7 +15,7 @@ from graphlib import TopologicalSorter
 from app.engine.base import Busy, JobTimedOut, TimeLimit
 from app.learning.labelled_pages import layout_settings
 from app.learning.lessons import lesson_page, rounds_and_learner, teach
-from app.learning.samples import newest_samples
+from app.learning.samples import items_of, newest_samples
 from app.state import AppState
 from app.storage.layout_store import document_of, packed_model
 from models.errors import VersionConflict
@@ -131,7 +131,8 @@ async def _repeat(state: AppState, result_id: str, pasts: Sequence[ModelPast]) -
             documents[name] = None if step.origin == "initialize" else document
         elif step.origin == "initialize":
             initialize = state.operations.initialize_model
-            draft = await state.engine.submit(initialize, name, pages, settings, time_limit=limit)
+            items = await state.store.call(lambda store, name=name: items_of(store, name))  # type: ignore[misc]
+            draft = await state.engine.submit(initialize, name, pages, settings, items, time_limit=limit)
             documents[name] = draft.document
         elif document is not None:
             rounds, learner = rounds_and_learner(step.note)

@@ -21,6 +21,8 @@ from services.contract.result_json import ResultJson
 CERTAINTY = 0.95
 CANDIDATES = (0.999, 0.99, 0.97, 0.9, 0.8, 0.5, 0.0)
 """Confidences among which a threshold is chosen; each one more costs evidence, ln(number) / error zones."""
+_MOST_NAMED = 5
+"""Rows of a table that a reason names."""
 EVIDENCE = 400
 """Newest feedbacks of a class from which its threshold is computed: older ones are of older models."""
 
@@ -143,8 +145,35 @@ def decide(
     if unsure:
         detail = f"Of zones as unsure as these, more than {stated:g} may be wrong."
         reasons.append(DecisionReason(code="unsure", detail=detail, zones=unsure))
+    reasons += _unlike_numbers(result)
     action: Literal["accept", "review"] = "review" if reasons else "accept"
     return Decision(action=action, tolerated_error=stated, reasons=reasons)
+
+
+def _unlike_numbers(result: LayoutResult) -> list[DecisionReason]:
+    """Reasons of tables whose numbers do not say the same."""
+    reasons = []
+    for table in result.tables:
+        zones = [zone.id for zone in result.zones if _shared_height(zone.box, table.box) > 0.5]
+        if rows := table.checks.unlike_rows:
+            shown = ", ".join(str(row + 1) for row in rows[:_MOST_NAMED]) + (
+                ", ..." if rows[_MOST_NAMED:] else ""
+            )
+            detail = f"In rows {shown} of the table one number is not the product of the others, as in samples it is."
+            reasons.append(
+                DecisionReason(code="product-differs", detail=f"{detail} Compare them.", zones=zones)
+            )
+        if table.checks.sum == "differs":
+            detail = "The amounts of the table add up to none that is printed below: look for a row too many or few."
+            reasons.append(DecisionReason(code="sum-differs", detail=detail, zones=zones))
+    return reasons
+
+
+def _shared_height(box: tuple[float, ...], table: tuple[float, ...]) -> float:
+    """Share of a zone that lies in a table."""
+    across = min(box[2], table[2]) - max(box[0], table[0])
+    down = min(box[3], table[3]) - max(box[1], table[1])
+    return max(across, 0.0) * max(down, 0.0) / max(1.0, (box[2] - box[0]) * (box[3] - box[1]))
 
 
 def expected_wrong_zones(confidences: Collection[float]) -> float:

@@ -15,7 +15,7 @@ from app.http.paging import LINK, MOST_LISTED, Cursor, Limit, first_of, link_nex
 from app.http.preconditions import entity_tag, parse_precondition
 from app.http.problems import documented
 from app.learning.labelled_pages import count_labels, layout_settings
-from app.learning.samples import samples_note, samples_to_learn_from
+from app.learning.samples import items_of, samples_note, samples_to_learn_from
 from app.routes.common_responses import BODY, READING, STORE, WORK
 from app.routes.layout_settings import health_of
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later, check_key
@@ -209,11 +209,11 @@ async def initialize_layout_model(
     precondition = parse_precondition(if_match, None)
     await refuse_body(request)
 
-    def read(store: Store) -> list[StoredSample]:
+    def read(store: Store) -> tuple[list[StoredSample], tuple[str, ...]]:
         precondition.check(name, store.model_summary(name).version)
-        return samples_to_learn_from(store, name)
+        return samples_to_learn_from(store, name), items_of(store, name)
 
-    samples = await state.store.call(read)
+    samples, items = await state.store.call(read)
 
     async def work(progress: ProgressSink | None) -> Response:
         draft = await state.engine.submit(
@@ -221,6 +221,7 @@ async def initialize_layout_model(
             name,
             [sample.document for sample in samples],
             layout_settings(state.settings),
+            items,
             time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
             progress=progress,
         )

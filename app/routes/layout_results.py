@@ -12,6 +12,7 @@ from app.http.preconditions import Conflict
 from app.http.problems import documented
 from app.http.representations import choose_described_format, content_disposition
 from app.routes.common_responses import FILE_NAME, STORE
+from app.routes.item_tables import rows_of_items, sheets_of_items
 from app.routes.result_tables import (
     as_it_is,
     harmless,
@@ -74,15 +75,16 @@ async def layout_results(
     rows: Annotated[
         ListRows,
         Query(
-            description="Of CSV and XLSX. documents: one row for all pages of a document, with columns by label."
+            description="Of CSV and XLSX. documents: one row for all pages of a document, with columns by label; in "
+            "XLSX also a sheet for each class with tables, with a row for each item. items: these rows alone."
         ),
     ] = "values",
 ) -> Response:
     """List the kept results of pages with the values of their fields: the newest first, or as a review queue.
 
-    JSON lines have one result a line, CSV and XLSX one value a row, or one document (`rows`). A result that is made
-    meanwhile is not in later answers; one that expires is left out. Where results are large, an answer has fewer than
-    `limit`; `next` leads on, as does the header `Link`. With API keys, the results are those of the caller's key.
+    JSON lines have one result a line, CSV and XLSX one value a row, or one document or item (`rows`). A result that is
+    made meanwhile is not in later answers; one that expires is left out. Where results are large, an answer has fewer
+    than `limit`; `next` leads on, as does the header `Link`. With API keys, the results are those of the caller's key.
     """
     chosen = choose_described_format(format, request.headers.get("accept"), LIST_MEDIA_TYPES)
     owner = caller_of(request).only
@@ -137,7 +139,7 @@ def _read(
     return known, results, cursor_of(reviews[limit - 1], order) if len(reviews) > limit else None
 
 
-_LISTED = ("file_name", "class", "fields")
+_LISTED = ("file_name", "class", "fields", "tables")
 """Of a result: what a list has of it."""
 
 
@@ -153,7 +155,7 @@ def _first_of(
     size = 0
     for each in results:
         is_full = len(found) >= limit or size >= MOST_LISTED_BYTES
-        goes_on = rows == "documents" and found and each.document and each.document == found[-1].document
+        goes_on = rows != "values" and found and each.document and each.document == found[-1].document
         if is_full and not goes_on:
             return found, True
         size += each.stored_bytes
@@ -172,16 +174,17 @@ def _listed(
     entries = [_entry(each, reviews.get(each.id)) for each in results]
     if chosen in ("csv", "xlsx"):
         written = harmless if chosen == "csv" else as_it_is
-        table = (
-            rows_of_values(entries, written)
-            if rows == "values"
-            else rows_of_documents(_by_document(results, entries), written)
-        )
+        documents = _by_document(results, entries)
+        if rows == "values":
+            table = rows_of_values(entries, written)
+        else:
+            table = (rows_of_documents if rows == "documents" else rows_of_items)(documents, written)
         media_type = LIST_MEDIA_TYPES[chosen]
         if chosen == "csv":
             return Response(write_csv(table), media_type=media_type)
         headers = content_disposition(rows, "", media_type)
-        return Response(write_workbook(table, rows), media_type=media_type, headers=headers)
+        sheets = {rows: table} | (sheets_of_items(documents, written) if rows == "documents" else {})
+        return Response(write_workbook(sheets), media_type=media_type, headers=headers)
     if chosen == "jsonl":
         lines = (entry.model_dump_json(by_alias=True) + "\n" for entry in entries)
         return Response("".join(lines), media_type="application/jsonl")
@@ -213,6 +216,7 @@ def _entry(listed: ListedResult, review: Review | None) -> ResultEntry:
             "class": None if of_class is None else of_class["name"],
             "probability": None if of_class is None else of_class["probability"],
             "fields": result.get("fields", []),
+            "tables": result.get("tables", []),
         }
     )
 

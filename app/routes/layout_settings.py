@@ -73,6 +73,7 @@ def settings_answer(settings: ModelSettings) -> Settings:
         label: TypedField(**{**asdict(each), "languages": list(each.languages)})
         for label, each in settings.fields.items()
     }
+    given["items"] = list(settings.items)
     return Settings(**given)
 
 

@@ -132,8 +132,8 @@ def write_csv(rows: Iterable[Row]) -> str:
     return text.getvalue()
 
 
-def write_workbook(rows: Iterable[Row], title: str) -> bytes:
-    """A workbook (XLSX) of one sheet; every text is a text there, whatever it begins with.
+def write_workbook(sheets: Mapping[str, Iterable[Row]]) -> bytes:
+    """A workbook (XLSX) of sheets by their titles; every text is a text there, whatever it begins with.
 
     Rows wait in a temporary file, not in memory. Texts lose what XML cannot hold, and what is beyond `_LONGEST_CELL`.
     """
@@ -142,17 +142,18 @@ def write_workbook(rows: Iterable[Row], title: str) -> bytes:
     from openpyxl.cell import WriteOnlyCell
 
     workbook = Workbook(write_only=True)
-    sheet = workbook.create_sheet(title)
 
-    def cell(value: Cell) -> Any:
+    def cell(sheet: Any, value: Cell) -> Any:
         if not isinstance(value, str):
             return value
         text = WriteOnlyCell(sheet, _NOT_IN_WORKBOOKS.sub("", value)[:_LONGEST_CELL])
         text.data_type = "s"  # it would be a formula, or one of the words for errors
         return text
 
-    for row in rows:
-        sheet.append([cell(each) for each in row])
+    for title, rows in sheets.items():
+        sheet = workbook.create_sheet(title)
+        for row in rows:
+            sheet.append([cell(sheet, each) for each in row])
     file = io.BytesIO()
     workbook.save(file)
     return file.getvalue()

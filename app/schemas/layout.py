@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from app.schemas.options import FORMAT, Absent, CallbackUrl, Language, Switch, Uploads
 from services.contract.answers.layout import DocumentResult, LayoutResult
+from services.contract.answers.tables import tables_of_document
 from services.contract.layout import LayoutFormat
 from services.contract.result_json import ClassJson, FoundClassJson, ResultJson, WholeResultJson
 
@@ -127,7 +128,8 @@ def document_of(document: WholeResultJson, result_id: str, pages: list[LayoutRes
         chance = document["unknown_probability"] if known is None else known["probability"]
         found: FoundClassJson = {"class": None if known is None else known["name"], "probability": chance}
         document = {**document, "class": chosen, "found": found}
-    return DocumentResult.model_validate({"id": result_id, "pages": pages, **document})
+    tables = tables_of_document([page.tables for page in pages])
+    return DocumentResult.model_validate({**document, "id": result_id, "pages": pages, "tables": tables})
 
 
 def known_result(document: ResultJson) -> LayoutResult | None:

@@ -8,9 +8,10 @@ from pydantic import ConfigDict, Field
 from app.schemas.review import ReviewFacts
 from services.contract.answers.layout import FileName, LabelField
 from services.contract.answers.page import Answer
+from services.contract.answers.tables import ItemTable
 
 ListFormat = Literal["json", "csv", "jsonl", "xlsx"]
-ListRows = Literal["values", "documents"]
+ListRows = Literal["values", "documents", "items"]
 LIST_MEDIA_TYPES: dict[ListFormat, str] = {
     "json": "application/json",
     "csv": "text/csv",
@@ -20,7 +21,7 @@ LIST_MEDIA_TYPES: dict[ListFormat, str] = {
 
 
 class ResultEntry(Answer):
-    """A kept result of one page, with the values of its fields."""
+    """A kept result of one page, with the values of its fields and its tables."""
 
     model_config = ConfigDict(extra="forbid", serialize_by_alias=True)
 
@@ -35,6 +36,7 @@ class ResultEntry(Answer):
     class_: str | None = Field(alias="class", description="null: no class fits, or there is no model.")
     probability: float | None = Field(ge=0, le=1)
     fields: list[LabelField]
+    tables: list[ItemTable] = Field(default=[], description="As in the result.")
     review: ReviewFacts | None = Field(description="null: the result is older than the review queue.")
 
 

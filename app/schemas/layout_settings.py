@@ -3,13 +3,20 @@
 from collections.abc import Mapping
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from app.schemas.layout_models import Health, NameInBody
 from app.schemas.options import Written
 from services.contract.answers.page import Answer
 from services.contract.bounded_patterns import LONGEST_PATTERN, UnboundedPattern, compile_bounded
-from services.contract.fields import MOST_FIELDS, DateOrder, DecimalSign, FieldSetting, FieldType
+from services.contract.fields import (
+    MOST_COLUMNS,
+    MOST_FIELDS,
+    DateOrder,
+    DecimalSign,
+    FieldSetting,
+    FieldType,
+)
 from services.contract.html import HtmlElement
 from services.contract.layout import LONGEST_LABEL
 from services.contract.layout_learning import Learner
@@ -95,6 +102,10 @@ class Settings(Answer):
         default={},
         description="Elements of HTML files, by label; those of other labels follow from their names.",
     )
+    items: list[str] = Field(
+        default=[],
+        description="Labels of the columns of a table of items, as of an invoice; empty: the class has none.",
+    )
 
 
 class SettingsBody(BaseModel):
@@ -116,6 +127,21 @@ class SettingsBody(BaseModel):
         "figure, img: the zone is cut out of the picture. figcaption: the caption of the figure next to it. none: left "
         "out.",
     )
+    items: (
+        Annotated[list[LabelName], Field(max_length=MOST_COLUMNS, json_schema_extra={"uniqueItems": True})]
+        | None
+    ) = Field(
+        default=None,
+        description="Labels of the columns of a table of items; null or empty: none. Samples label the cells of one or "
+        "two rows with them. The next initialization learns the table.",
+    )
+
+    @field_validator("items")
+    @classmethod
+    def _are_different(cls, items: list[str] | None) -> list[str] | None:
+        if items is not None and len(set(items)) < len(items):
+            raise ValueError("name every column once")
+        return items
 
 
 class ModelHealthReport(Health):

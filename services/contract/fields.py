@@ -9,6 +9,8 @@ DecimalSign = Literal[".", ","]
 ValueProblem = Literal["no-value", "several-values", "ambiguous"]
 """Why a field has no value: the text has none of this type; it has different ones; one can be read in two ways."""
 
+MOST_COLUMNS = 20
+"""Columns of a table that a class can name; pages of paper have room for no more."""
 MOST_FIELDS = 200
 """Labels of a class with a type; the largest models have 60 labels."""
 

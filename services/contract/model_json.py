@@ -53,3 +53,4 @@ class ModelJson(TypedDict):
     scales: Mapping[str, float]
     calibration: Mapping[str, float]
     memory: MemoryJson | None
+    table: NotRequired[Mapping[str, object] | None]

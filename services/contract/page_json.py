@@ -37,11 +37,12 @@ class GivenZoneJson(TypedDict):
 
 
 class PageJson(TypedDict):
-    """A page; boxes are in its pixels."""
+    """A page; boxes are in its pixels. `loose` are words in no zone, as `printed` of a zone."""
 
     width: float
     height: float
     zones: list[ZoneJson]
+    loose: NotRequired[list[list[str | float]]]
 
 
 class SampleJson(PageJson):

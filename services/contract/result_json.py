@@ -3,6 +3,7 @@
 `services.contract.answers.layout` has all of their keys, and their meaning. An earlier release may have kept fewer.
 """
 
+from collections.abc import Mapping
 from typing import Literal, NotRequired, TypedDict
 
 from services.contract.page_json import PageJson
@@ -64,6 +65,28 @@ class FieldJson(TypedDict):
     zones: list[str]
 
 
+class CellJson(TypedDict):
+    """`ItemCell`."""
+
+    box: list[float]
+    text: str
+    value: str | None
+    currency: str | None
+    problem: str | None
+    confidence: float
+
+
+class TableJson(TypedDict):
+    """`ItemTable`."""
+
+    columns: list[str]
+    types: list[str]
+    headers: list[str | None]
+    box: list[float]
+    rows: list[list[CellJson | None]]
+    checks: Mapping[str, object]
+
+
 class PictureJson(TypedDict):
     """`KeptImage`."""
 
@@ -105,6 +128,7 @@ class RecognitionJson(_Compared):
     unknown_probability: float
     zones: list[LabelledZoneJson]
     fields: list[FieldJson]
+    tables: NotRequired[list[TableJson]]
     match: object
     part: str | None
     document_class: str | None

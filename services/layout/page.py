@@ -87,11 +87,16 @@ class Zone:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A segmented page of `width` x `height` pixels, its zones in reading order if that is known."""
+    """A segmented page of `width` x `height` pixels, its zones in reading order if that is known.
+
+    `loose` are words that were read and are in no zone: signs that stand alone (the sign of a currency, %), and what
+    segmentation lost. Tables are made of all words.
+    """
 
     width: float
     height: float
     zones: tuple[Zone, ...]
+    loose: tuple[ZoneWord, ...] = ()
 
 
 def is_finite_number(value: Any) -> bool:

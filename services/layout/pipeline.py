@@ -9,6 +9,7 @@ import numpy as np
 from services.arrays import GrayImage, RgbImage
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
+from services.imaging.rulings import without_grids
 from services.layout.content.content_features import ContentFeatures, content_features
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
@@ -18,7 +19,7 @@ from services.layout.grouping.merged_zones import with_merged_doubts
 from services.layout.grouping.regrouping import regroup_page
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
-from services.layout.model.layout_model import PieceStatistics
+from services.layout.model.layout_model import LayoutModel, PieceStatistics
 from services.layout.page import Page
 from services.layout.recognition.label_calibration import with_believable_labels
 from services.layout.recognition.page_recognition import (
@@ -36,6 +37,7 @@ from services.layout.segmentation import (
     segment_finely,
     segment_page,
 )
+from services.layout.tables.learning import gathered_samples, learn_table, table_page
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.lost_lines import with_lost_lines
 from services.ocr.softer_reading import read_best
@@ -48,6 +50,7 @@ __all__ = [
     "content_features",
     "fine_page",
     "initialize_model",
+    "initialize_with_items",
     "read_page",
     "read_words",
     "readable",
@@ -125,6 +128,22 @@ def complete_sample(
     same = {zone.box for zone in found.zones} == {zone.box for zone in page.zones}
     taught = any(zone.label is not None for zone in found.zones)
     return verified, found if taught and not same else None
+
+
+def initialize_with_items(
+    name: str,
+    samples: Sequence[Page],
+    features: ContentFeatures | None,
+    found: Sequence[Page | None],
+    items: Sequence[str],
+) -> LayoutModel:
+    """The model of a class (`initialize_model`) with its table, whose columns have the labels `items`."""
+    pages = [table_page(page, other, items) for page, other in zip(samples, found, strict=True)]
+    table = learn_table(pages, items) if items else None
+    if table is None:
+        return initialize_model(name, samples, features, found)
+    verified, gathered = gathered_samples(samples, found, table)
+    return replace(initialize_model(name, verified, features, gathered), table=table)
 
 
 def recognize(
@@ -262,9 +281,9 @@ def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
 
 
 def readable(gray: GrayImage) -> GrayImage:
-    """The page (H, W) in even light; one with dark ground as it is.
+    """The page (H, W) in even light and without the grids of its tables; one with dark ground as it is.
 
     An engine with a global threshold loses half of the words in shadows.
     """
     is_light = np.median(gray[::8, ::8]) >= LIGHT_GROUND
-    return flatten_illumination(gray) if is_light else gray
+    return without_grids(flatten_illumination(gray)) if is_light else gray

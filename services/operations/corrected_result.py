@@ -39,6 +39,7 @@ def correct_result(
     if name != found_name:
         chance = found["unknown_probability"] if found["class"] is None else found["class"]["probability"]
         result["found"] = {"class": found_name, "probability": chance}
+        result["tables"] = []  # they were read by the model of the other class
         result["part"] = None if name is None else "continuation" if correction.continues else "first"
         result["document_class"] = correction.continues or name
     if name != found_name or {(zone["id"], zone["label"]) for zone in shown} != {

@@ -10,6 +10,7 @@ from services.contract.result_json import RecognitionJson
 from services.layout.pipeline import content_features, recognize, with_believable_labels
 from services.layout.recognition.documents import Part, place_again, place_page
 from services.operations.layout import MeasuredPage, describe_page
+from services.operations.layout_tables import with_tables
 from services.operations.page_zones import read_kept_page
 from services.operations.stored_models import open_models
 
@@ -41,6 +42,7 @@ def recognize_again(
         else place_again(recognition, *document, versions, features.names)
     )
     placed = replace(placed, recognition=with_believable_labels(placed.recognition, versions))
+    [placed] = with_tables([placed], versions, models)
     measured = MeasuredPage(recognition.page, None)
     described = describe_page(placed, measured, LayoutOptions(words=words), models)
     found = described.model_dump(mode="json")

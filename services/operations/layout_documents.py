@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from services.contract.answers.layout import DocumentResult
+from services.contract.answers.tables import tables_of_document
 from services.contract.layout import (
     MEDIA_TYPES,
     DocumentPage,
@@ -22,6 +23,7 @@ from services.contract.layout import (
 )
 from services.errors import InvalidOption, NotAcceptable
 from services.imaging.page_images import PageSource, naming_page, open_pages
+from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.page_json import page_to_document
 from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
@@ -46,6 +48,7 @@ from services.operations.layout import (
 )
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_class, describe_classes
+from services.operations.layout_tables import SegmentedPage, gather_tables, has_table, with_tables
 from services.operations.page_reading import check_installed
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
@@ -126,16 +129,23 @@ def _recognize_pages(
         with progress_within(index * share, (index + 1) * share):
             seen.append(_measure(source, options, settings))
     report_progress("matching", MATCHING_BEGINS)
+    features = content_features(settings.content_features)
+    with timed("tables", timings_ms):
+        gathered = gather_tables(
+            [(page.measured.page, page.measured.fine) for page in seen], versions, features
+        )
     if not options.split:
-        return _recognize_document(seen, versions, models, options, settings, timings_ms, ())
+        return _recognize_document(seen, gathered, versions, models, options, settings, timings_ms, ())
     with timed("beginnings", timings_ms):
-        names = content_features(settings.content_features).names
-        pages = [page.measured.page for page in seen]
-        parts = part_stack(pages, versions, names, _document_parameters(options))
+        parts = part_stack(
+            [page for page, _ in gathered], versions, features.names, _document_parameters(options)
+        )
     documents = []
     for begin, end in pairwise((*parts.beginnings, len(seen))):
         matched = parts.matched[begin:end]
-        reply = _recognize_document(seen[begin:end], versions, models, options, settings, timings_ms, matched)
+        reply = _recognize_document(
+            seen[begin:end], gathered[begin:end], versions, models, options, settings, timings_ms, matched
+        )
         reply.answer.warnings += describe_warnings(_unsure(parts, begin, end))
         documents.append(reply)
     return StackReply(documents)
@@ -177,6 +187,7 @@ def _document_parameters(options: LayoutOptions) -> DocumentParameters:
 
 def _recognize_document(
     seen: Sequence[_SeenPage],
+    gathered: Sequence[SegmentedPage],
     versions: Sequence[VersionedModel],
     models: Sequence[ModelDocument],
     options: LayoutOptions,
@@ -184,26 +195,18 @@ def _recognize_document(
     before_ms: dict[str, float],
     matched: Sequence[Recognition],
 ) -> DocumentReply:
-    """The reply about one document: `before_ms` and `matched` are of what was done for all pages."""
+    """The reply about one document: `gathered`, `before_ms` and `matched` are of what was done for all pages."""
     timings_ms = dict(before_ms)
     features = content_features(settings.content_features)
     parameters = _document_parameters(options)
     with timed("matching", timings_ms):
-        recognition = recognize_document(
-            [page.measured.page for page in seen], versions, features.names, parameters, matched=matched
-        )
-        recognition = replace(
-            recognition,
-            pages=tuple(
-                replace(
-                    placed,
-                    recognition=complete_recognition(
-                        page.measured.fine, placed.recognition, versions, parameters.recognition, features
-                    ),
-                )
-                for placed, page in zip(recognition.pages, seen, strict=True)
-            ),
-        )
+        recognition = _recognize(gathered, versions, parameters, features, matched)
+        nearest = recognition.classes[0].name if recognition.classes else None
+        plain = [(page.measured.page, page.measured.fine) for page in seen]
+        is_gathered = any(a is not b for (a, _), (b, _) in zip(gathered, plain, strict=True))
+        if is_gathered and not has_table(nearest, versions):
+            recognition = _recognize(plain, versions, parameters, features, ())
+        recognition = replace(recognition, pages=tuple(with_tables(recognition.pages, versions, models)))
     documents = [
         describe_page(placed, page.measured, options, models)
         for placed, page in zip(recognition.pages, seen, strict=True)
@@ -225,6 +228,7 @@ def _recognize_document(
         classes=describe_classes(recognition.classes),
         unknown_probability=round(recognition.unknown_probability, 4),
         pages=[],
+        tables=tables_of_document([described.tables for described in documents]),
         warnings=describe_warnings(_notices(recognition)),
         timings_ms=describe_timings(timings_ms),
     )
@@ -240,6 +244,29 @@ def _recognize_document(
         for described, placed, page in zip(documents, recognition.pages, seen, strict=True)
     ]
     return DocumentReply(body, media_type, answer, pages)
+
+
+def _recognize(
+    pages: Sequence[SegmentedPage],
+    versions: Sequence[VersionedModel],
+    parameters: DocumentParameters,
+    features: ContentFeatures,
+    matched: Sequence[Recognition],
+) -> DocumentRecognition:
+    """Class of the document, and labels of the zones of its pages."""
+    seen = recognize_document(
+        [page for page, _ in pages], versions, features.names, parameters, matched=matched
+    )
+    completed = (
+        replace(
+            placed,
+            recognition=complete_recognition(
+                fine, placed.recognition, versions, parameters.recognition, features
+            ),
+        )
+        for placed, (_, fine) in zip(seen.pages, pages, strict=True)
+    )
+    return replace(seen, pages=tuple(completed))
 
 
 def _measure(source: PageSource, options: LayoutOptions, settings: LayoutSettings) -> _SeenPage:

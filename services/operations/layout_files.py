@@ -23,6 +23,7 @@ from services.operations.kept_picture import read_kept_picture
 from services.operations.layout import write_xml
 from services.operations.layout_documents import ARCHIVE, zip_files
 from services.operations.layout_html import HtmlPage, render_html
+from services.operations.layout_tables import tables_from
 from services.operations.page_zones import read_kept_page
 from services.rectify.results import Orientation
 
@@ -79,7 +80,9 @@ def _recognition(kept: KeptResult, settings: LayoutSettings) -> Recognition:
     chosen = None if answer.class_ is None else _match(answer.class_)
     # Where the class is sure, a person has named it: what was compared says nothing any more.
     classes = (chosen,) if chosen and chosen.probability >= 1.0 else tuple(map(_match, answer.classes))
-    return Recognition(page, zones, chosen, classes, answer.unknown_probability)
+    return Recognition(
+        page, zones, chosen, classes, answer.unknown_probability, tables=tables_from(answer.tables)
+    )
 
 
 def _answer(kept: KeptResult) -> LayoutResult:

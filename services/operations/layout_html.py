@@ -9,11 +9,15 @@ from services.arrays import RgbImage
 from services.contract.answers.layout import LayoutResult
 from services.contract.html import HtmlElement
 from services.imaging.codec import encode_image
+from services.layout.exchange.item_cells import table_around
 from services.layout.page import Box
 from services.layout.rendering.html_elements import choose_element
 from services.layout.rendering.html_file import HtmlPicture, HtmlZone, write_html
+from services.layout.rendering.html_table import HtmlTable
+from services.layout.tables.item_table import ItemTable
 from services.ocr.languages import language_tag
 from services.operations.kept_picture import PICTURE_QUALITY, read_kept_picture
+from services.operations.layout_tables import tables_from
 from services.operations.reduced_views import reduce_picture, reduced_size
 
 _LONGEST_SIDE_PX = 1600
@@ -60,7 +64,13 @@ def _zones(page: HtmlPage) -> Iterator[HtmlZone]:
         if labels[zone] == found.label
     }
     left = _MOST_AREA * answer.width * answer.height
+    tables, written = tables_from(answer.tables), set()
     for zone in sorted(answer.zones, key=lambda each: each.order):
+        if (table := table_around(zone.box, tables)) is not None:
+            if table.box not in written:
+                written.add(table.box)
+                yield HtmlZone(zone.id, zone.label, "p", zone.text or "table", table=_html_table(table))
+            continue
         element, text = choose_element(zone.kind, zone.label, page.elements), zone.text
         x0, y0, x1, y1 = zone.box
         picture = None
@@ -71,6 +81,11 @@ def _zones(page: HtmlPage) -> Iterator[HtmlZone]:
         if picture is not None and element in ("ul", "ol", "pre", "figcaption"):
             element = "figure"
         yield HtmlZone(zone.id, zone.label, element, text, dates.get(zone.id), picture)
+
+
+def _html_table(table: ItemTable) -> HtmlTable:
+    rows = [["" if cell is None else cell.text for cell in row] for row in table.rows]
+    return HtmlTable(table.columns, table.headers, rows)
 
 
 def _cut_out(pixels: RgbImage, box: Box, scale: float) -> HtmlPicture:

@@ -20,9 +20,11 @@ from services.layout.learning import feedback
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.learning.revised_zones import revise_zones
 from services.layout.learning.training import train_in_rounds
-from services.layout.model.layout_model import MOST_LABELS
+from services.layout.model.layout_model import MOST_LABELS, LayoutModel
 from services.layout.model.model_document import model_to_document
-from services.layout.page import InvalidLayout, Page
+from services.layout.page import InvalidLayout, Page, Zone
+from services.layout.tables.learning import gathered_samples, learn_table, table_page
+from services.layout.tables.table_model import TableModel
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_zones
 from services.operations.page_zones import exchange_limits, read_kept_page
@@ -53,8 +55,9 @@ def adapt_models(
         When the model would have too many labels, or when zones have no label and no model can find it.
     """
     features = content_features(settings.content_features)
-    read = verified.read_by(lambda page: features.measure_page(read_kept_page(page, settings)))
+    whole = verified.read_by(lambda page: features.measure_page(read_kept_page(page, settings)))
     named = {stored.name: read_model(stored) for stored in models}
+    read, cells, table = _without_cells(whole, named.get(verified.verified_class or ""))
     right = named.get(verified.verified_class or "")
     if right is not None:  # checked before learning: tables for hundreds of labels take gigabytes
         kept = verified.found_labels if verified.found_class == verified.verified_class else {}
@@ -71,8 +74,13 @@ def adapt_models(
             "labels",
         ) from error
     zones = tuple(replace(zone, label=label) for zone, label in zip(read.page.zones, labels, strict=True))
+    tables = {name: model.table for name, model in named.items()}
+    if table is not None:
+        tables[table[0]] = table[1]
     return Adaptation(
-        documents={name: model_to_document(each.model) for name, each in learned.items()},
+        documents={
+            name: model_to_document(replace(each.model, table=tables[name])) for name, each in learned.items()
+        },
         wrong=[
             WrongLabel(zone=zone.id, found=verified.found_labels.get(zone.id), verified=zone.label)
             for zone in zones
@@ -82,9 +90,34 @@ def adapt_models(
             LabellingCosts(model=name, found=each.found, verified=each.verified)
             for name, each in learned.items()
         ],
-        sample=_sample(replace(read.page, zones=zones), read.found_page),
+        sample=_sample(replace(whole.page, zones=(*zones, *cells)), whole.found_page),
         zones=len(zones),
     )
+
+
+def _without_cells(
+    verified: VerifiedPage[Page], right: LayoutModel | None
+) -> tuple[VerifiedPage[Page], tuple[Zone, ...], tuple[str, TableModel | None] | None]:
+    """The page without the cells that a person labelled, these cells, and the table that has learned from them.
+
+    The layout graph does not know cells: they teach the table of the class, which is None where nothing changes.
+    """
+    if right is None or right.table is None:
+        return verified, (), None
+    items, kept = frozenset(right.table.labels), verified.found_labels
+    given = {zone.id: verified.labels.get(zone.id, kept.get(zone.id)) for zone in verified.page.zones}
+    cells = tuple(
+        replace(zone, label=given[zone.id]) for zone in verified.page.zones if given[zone.id] in items
+    )
+    if not cells:
+        return verified, (), None
+    page = replace(
+        verified.page, zones=tuple(zone for zone in verified.page.zones if given[zone.id] not in items)
+    )
+    printed = verified.page if verified.found_page is None else verified.found_page
+    taught = table_page(replace(page, zones=cells), printed, right.table.labels)
+    table = learn_table([taught], right.table.labels, right.table)
+    return replace(verified, page=page), cells, (right.name, table)
 
 
 def _sample(verified: Page, found: Page | None) -> SampleJson:
@@ -108,8 +141,11 @@ def train_model(
         When a sample is not a valid page under the present limits, or the samples have too many labels.
     """
     pages, found = read_samples(samples, settings)
+    before = read_model(model)
+    if before.table is not None:
+        pages, found = gathered_samples(pages, found, before.table)
     trained, report = train_in_rounds(
-        read_model(model),
+        before,
         pages,
         found,
         rounds,
@@ -118,7 +154,7 @@ def train_model(
         lambda share: report_progress("training", share),
     )
     _check_labels(trained.name, set(trained.labels))
-    return draft_of(trained), report
+    return draft_of(replace(trained, table=before.table)), report
 
 
 def revise_page(page: PageJson, zones: Sequence[GivenZoneJson], settings: LayoutSettings) -> RevisedPage:

@@ -18,7 +18,7 @@ from services.layout.exchange.page_json import page_from_document, page_to_docum
 from services.layout.model.layout_model import MOST_LABELS, LayoutModel
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.page import InvalidLayout, Page
-from services.layout.pipeline import complete_sample, content_features, initialize_model
+from services.layout.pipeline import complete_sample, content_features, initialize_with_items
 from services.operations.page_reading import check_installed
 from services.operations.page_zones import check_frame, exchange_limits, read_file, read_zones
 from services.operations.reader import ocr_engine
@@ -125,8 +125,10 @@ def import_sample(document: bytes, settings: LayoutSettings) -> SampleJson:
     return stored
 
 
-def initialize_from_samples(name: str, samples: Sequence[SampleJson], settings: LayoutSettings) -> ModelDraft:
-    """The layout model of `samples`, documents made by `measure_sample`.
+def initialize_from_samples(
+    name: str, samples: Sequence[SampleJson], settings: LayoutSettings, items: Sequence[str] = ()
+) -> ModelDraft:
+    """The layout model of `samples`, documents made by `measure_sample`; `items` are the columns of its table.
 
     Raises
     ------
@@ -134,7 +136,9 @@ def initialize_from_samples(name: str, samples: Sequence[SampleJson], settings: 
         When a sample is not a valid page under the present limits.
     """
     pages, found = read_samples(samples, settings)
-    return draft_of(initialize_model(name, pages, content_features(settings.content_features), found))
+    return draft_of(
+        initialize_with_items(name, pages, content_features(settings.content_features), found, items)
+    )
 
 
 def read_samples(

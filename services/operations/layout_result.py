@@ -12,6 +12,7 @@ from services.layout.model.cost import MOST_EXPLAINED
 from services.layout.page import InkAppearance, Page, Zone, ZoneWord
 from services.layout.recognition.fields import NO_FIELDS, Field, gather_fields
 from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition
+from services.operations.layout_tables import describe_tables
 from services.operations.page_reading import rounded_box
 from services.operations.replies import rounded
 
@@ -42,6 +43,7 @@ def describe_recognition(
         unknown_probability=round(recognition.unknown_probability, 4),
         zones=zones,
         fields=describe_fields(recognition, fields),
+        tables=describe_tables(recognition.tables),
         match=None if recognition.match is None else _describe_match(recognition.match, explain),
         warnings=[],
         timings_ms={},

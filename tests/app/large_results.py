@@ -2,6 +2,7 @@
 
 import base64
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -133,7 +134,9 @@ def import_model(name: str, document: bytes) -> ModelDraft:
     return ModelDraft(model, [node["label"] for node in model["nodes"] if node["label"]])
 
 
-def initialize_model(name: str, samples: list[dict[str, Any]], settings: LayoutSettings) -> ModelDraft:
+def initialize_model(
+    name: str, samples: list[dict[str, Any]], settings: LayoutSettings, items: Sequence[str] = ()
+) -> ModelDraft:
     """The same."""
     return import_model(name, b"")
 

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
@@ -380,10 +380,13 @@ def _plain(number: float) -> float:
     return int(number) if number.is_integer() else number
 
 
-def initialize_model(name: str, samples: list[dict[str, Any]], settings: LayoutSettings) -> ModelDraft:
-    """A model that has the labels of the samples."""
+def initialize_model(
+    name: str, samples: list[dict[str, Any]], settings: LayoutSettings, items: Sequence[str] = ()
+) -> ModelDraft:
+    """A model that has the labels of the samples, and one for each column of the table."""
     zones = [zone for page in samples for zone in page["zones"]]
     labels = dict.fromkeys(zone["label"] for zone in zones if zone.get("label"))
+    labels |= dict.fromkeys(f"column {label}" for label in items)
     script = str(zones[0].get("text") or "")
     follow(upload(script.removeprefix("do:")) if script.startswith("do:") else b"", "samples")
     return ModelDraft(model_document(name, *labels), list(labels))

@@ -18,6 +18,7 @@ from app.review.decisions import (
 from app.schemas.layout import result_of
 from app.settings import Settings
 from services.contract.answers.layout import DocumentClass, LayoutResult
+from services.contract.answers.tables import ItemTable, TableChecks
 from tests.app.scripted_results import layout_document
 
 
@@ -104,3 +105,22 @@ def test_tolerated_errors_are_read_from_the_environment(monkeypatch: pytest.Monk
     monkeypatch.setenv("TOLERATED_ERRORS", "letter=2")
     with pytest.raises(ValueError, match="letter"):
         Settings()
+
+
+def test_numbers_that_do_not_say_the_same_are_reasons() -> None:
+    verdicts = [(label, 1.0, True) for label in ("date", "body") for _ in range(600)]
+    result = RESULT.model_copy(deep=True)
+    for zone in result.zones:
+        zone.confidence = 1.0
+    result.class_ = DocumentClass(name="letter", probability=1.0, model_version=3, cost=1.0)
+    assert decide(result, verdicts, {None: 0.01}).action == "accept"
+    table = ItemTable(columns=[], types=[], headers=[], box=(0, 0, 5, 5), rows=[[]] * 9)
+    table.checks = TableChecks(products="differ", unlike_rows=[1, 2, 3, 4, 5, 7], sum="differs")
+    result.tables = [table]
+    decision = decide(result, verdicts, {None: 0.01})
+    assert decision.action == "review"
+    assert [reason.code for reason in decision.reasons] == ["product-differs", "sum-differs"]
+    assert "rows 2, 3, 4, 5, 6, ... of" in decision.reasons[0].detail
+    assert decision.reasons[0].zones == ["z1", "z2"]
+    table.checks = TableChecks(products="fit", sum="fits")
+    assert decide(result, verdicts, {None: 0.01}).action == "accept"

@@ -50,6 +50,7 @@ def test_the_answer_is_the_contracts(client: httpx.Client, images: list[bytes]) 
         "classes",
         "unknown_probability",
         "pages",
+        "tables",
         "warnings",
         "timings_ms",
     ]

@@ -31,6 +31,7 @@ def source() -> Iterator[httpx.Client]:
             "genre": "mail",
             "fields": {"sender": {"type": "email"}},
             "elements": {"sender": "address"},
+            "items": ["description", "amount"],
         }
         client.patch("/layout/models/letter/settings", json=settings).raise_for_status()
         client.patch("/layout/models/letter-later/settings", json={"continues": "letter"}).raise_for_status()

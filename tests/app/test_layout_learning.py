@@ -213,7 +213,14 @@ def test_what_cannot_be_compared(shared: httpx.Client) -> None:
 
 
 def test_settings(client: httpx.Client) -> None:
-    usual = {"learner": "passive-aggressive", "genre": None, "continues": None, "fields": {}, "elements": {}}
+    usual = {
+        "learner": "passive-aggressive",
+        "genre": None,
+        "continues": None,
+        "fields": {},
+        "elements": {},
+        "items": [],
+    }
     assert client.get(f"{PATH}/settings").json() == usual
     add_samples(client, labelled("body"), name="fax")
     changed = client.patch(f"{PATH}/settings", json={"genre": "business", "continues": "fax"})
@@ -225,6 +232,22 @@ def test_settings(client: httpx.Client) -> None:
     assert changed.json() == usual
     assert client.patch(f"{PATH}/settings", json={}).json() == usual
     assert version(client) == 1
+
+
+def test_columns_of_items(client: httpx.Client) -> None:
+    """They are replaced as a whole; the worker gets them when the model is initialized."""
+    for items in (["description", "amount"], ["amount", "price"]):
+        assert client.patch(f"{PATH}/settings", json={"items": items}).json()["items"] == items
+        assert client.get(f"{PATH}/settings").json()["items"] == items
+    for wrong in (["amount", "amount"], [""], ["x" * 61], [f"c{k}" for k in range(21)], "amount", [7]):
+        answer = client.patch(f"{PATH}/settings", json={"items": wrong})
+        assert str(assert_problem(answer, 422, "invalid-option")["field"]).startswith("items")
+    assert client.patch(f"{PATH}/settings", json={"genre": "x"}).json()["items"] == ["amount", "price"]
+    client.post(f"{PATH}/initialize").raise_for_status()
+    labels = [node["label"] for node in client.get(PATH).json()["nodes"]]
+    assert {"column amount", "column price"} <= set(labels)
+    for none in (None, []):
+        assert client.patch(f"{PATH}/settings", json={"items": none}).json()["items"] == []
 
 
 def test_types_of_fields_change_label_by_label(client: httpx.Client) -> None:

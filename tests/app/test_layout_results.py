@@ -227,6 +227,56 @@ def test_a_row_a_document(tmp_path: Path) -> None:
         assert seen == [row[0] for row in (first, *rest)]
 
 
+def cell(value: str, confidence: float = 0.9) -> dict[str, Any]:
+    return {"box": [0, 0, 9, 9], "text": value, "value": value, "confidence": confidence}
+
+
+def items(
+    *rows: list[dict[str, Any] | None], columns: tuple[str, ...] = ("item", "amount")
+) -> dict[str, Any]:
+    names, types = list(columns), ["text", "amount"][: len(columns)]
+    return {"columns": names, "types": types, "headers": names, "box": [0, 0, 9, 9], "rows": list(rows)}
+
+
+def with_items(page: dict[str, Any], *tables: dict[str, Any]) -> dict[str, Any]:
+    return {**page, "result": {**page["result"], "tables": list(tables)}}
+
+
+def test_a_row_an_item(tmp_path: Path) -> None:
+    """A table that goes on over two pages, a class of other columns, and a document without a table."""
+    first = with_items(page(name="a.pdf"), items([cell("=Oak"), cell("4.50", 0.7)], [cell("Ash"), None]))
+    second = with_items(page(name="a.pdf"), items([cell("Elm"), cell("-6.00")]))
+    other = with_items(page(of_class="list/of [x]", name="b.png"), items([cell("7")], columns=("hours",)))
+    with Store.open(tmp_path / DATABASE) as store:
+        single = store.add_result(other, 1000)
+        whole, _ = store.add_document({"document": {}}, [ResultDraft(each) for each in (first, second)], 1000)
+        store.add_result(page(("date", "x", None), of_class="letter"), 1000)
+    with serving(data_dir=tmp_path) as client:
+        text = client.get("/layout/results?format=csv&rows=items").text
+        found = [
+            [
+                row[name]
+                for name in ("result", "table", "page", "row", "confidence", "item", "amount", "hours")
+            ]
+            for row in csv.DictReader(io.StringIO(text))
+        ]
+        assert found == [
+            [whole, "1", "1", "1", "0.7", "'=Oak", "4.50", ""],
+            [whole, "1", "1", "2", "0.9", "Ash", "", ""],
+            [whole, "1", "2", "3", "0.9", "Elm", "-6.00", ""],
+            [single, "1", "1", "1", "0.9", "", "", "7"],
+        ]
+        response = client.get("/layout/results?format=xlsx&rows=documents")
+        book = openpyxl.load_workbook(io.BytesIO(response.content))
+        assert book.sheetnames == ["documents", "items invoice", "items listof x"]
+        names, *rows = book["items invoice"].values
+        assert names[-2:] == ("item", "amount")
+        assert [row[-2:] for row in rows] == [("=Oak", "4.50"), ("Ash", None), ("Elm", "-6.00")]
+        assert {each.data_type for row in book["items invoice"] for each in row} <= {"s", "inlineStr", "n"}
+        lines = client.get("/layout/results?format=jsonl").text.splitlines()
+        assert [len(json.loads(line)["tables"]) for line in lines] == [0, 1, 1, 1]
+
+
 def test_rows_are_of_tables_only(client: httpx.Client) -> None:
     problem = assert_problem(client.get("/layout/results?rows=pages", headers=KEYS[0]), 422, "invalid-option")
     assert problem["field"] == "rows"

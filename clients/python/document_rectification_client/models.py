@@ -59,7 +59,7 @@ class Decision:
 class DecisionReason:
     """Why a page should be reviewed."""
 
-    code: Literal["no-class", "no-evidence", "unsure"]
+    code: Literal["no-class", "no-evidence", "unsure", "product-differs", "sum-differs"]
     detail: str
     zones: list[str]
     """Ids of the zones that it is about; empty: the whole page."""
@@ -97,9 +97,28 @@ class DocumentResult:
     """All compared classes, most probable first."""
     unknown_probability: float
     pages: list[LayoutResult]
+    tables: list[DocumentTable] = dataclasses.field(default_factory=list)
+    """Tables of items; one that goes on over several pages is one table."""
     warnings: list[Warning]
     timings_ms: dict[str, float]
     """Of each stage, all pages together."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class DocumentTable:
+    """A table of a document: the rows of its pages, one below the other."""
+
+    columns: list[str]
+    """As in `tables` of the pages."""
+    types: list[Literal["text", "date", "amount", "integer", "email", "phone", "postal-code", "pattern"]]
+    """As in `tables` of the pages."""
+    headers: list[str | None]
+    """As on the first of its pages."""
+    pages: list[int]
+    """For each row the index of its page in `pages` of the document."""
+    rows: list[list[ItemCell | None]]
+    checks: TableChecks | None = None
+    """`unlike_rows` are indices of `rows`."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +151,42 @@ class FoundZone:
     label: str | None
     confidence: float
     text: str
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class ItemCell:
+    """One cell of a table."""
+
+    box: tuple[float, float, float, float]
+    """x0, y0, x1, y1 in pixels of the page."""
+    text: str
+    """A line for each printed one."""
+    value: str | None = None
+    """The text normalized by the type of its column, as in `fields`; null: see `problem`."""
+    currency: str | None = None
+    """Currency of an amount (ISO 4217), if it is known."""
+    problem: Literal["no-value", "several-values", "ambiguous"] | None = None
+    """As in `fields`."""
+    confidence: float
+    """Probability that the class, the row and the column of the cell and its text are right."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class ItemTable:
+    """A table whose columns the settings of the class name (`items`)."""
+
+    columns: list[str]
+    """Labels of the columns that were found, in the order of the settings."""
+    types: list[Literal["text", "date", "amount", "integer", "email", "phone", "postal-code", "pattern"]]
+    """Types of their values, by the settings of the class."""
+    headers: list[str | None]
+    """What is printed above each column; null: nothing is."""
+    box: tuple[float, float, float, float]
+    """x0, y0, x1, y1 in pixels of the page, with the header."""
+    rows: list[list[ItemCell | None]]
+    """From the top down, a cell or null for each column. A page can go on with the table of the page
+    before."""
+    checks: TableChecks | None = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,6 +339,9 @@ class LayoutResult:
     zones: list[LabelledZone]
     fields: list[LabelField] = dataclasses.field(default_factory=list)
     """The text and the value of every label, in reading order; labels without a text are left out."""
+    tables: list[ItemTable] = dataclasses.field(default_factory=list)
+    """Tables of items, from the top down, where the settings of the class name columns (`items`). A person's
+    other class leaves none."""
     match: MatchReport | None
     part: Literal["first", "continuation"] | None = None
     """Part of the document; null: `class` is null, or the page is blank. The first of several pages is
@@ -803,6 +861,20 @@ class StackResult:
     """The documents of a stack of pages, in their order; each is a result of its own."""
 
     documents: list[DocumentResult]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class TableChecks:
+    """What the numbers of a table say of each other, where samples show what they should; null: not
+    checked."""
+
+    products: Literal["fit", "differ"] | None = None
+    """Whether one column is the product of two others, such as quantity and price."""
+    unlike_rows: list[int] = dataclasses.field(default_factory=list)
+    """Rows, from 0, in which it is not; their cells are less sure."""
+    sum: Literal["fits", "differs"] | None = None
+    """Whether the amounts of all rows of the document add up to an amount printed below, before or after
+    taxes."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,7 +47,7 @@ export interface components {
         /** @description Why a page should be reviewed. */
         DecisionReason: {
             /** @enum {string} */
-            code: "no-class" | "no-evidence" | "unsure";
+            code: "no-class" | "no-evidence" | "unsure" | "product-differs" | "sum-differs";
             detail: string;
             /** @description Ids of the zones that it is about; empty: the whole page. */
             zones: string[];
@@ -84,11 +84,35 @@ export interface components {
             classes: components["schemas"]["DocumentClass"][];
             unknown_probability: number;
             pages: components["schemas"]["LayoutResult"][];
+            /**
+             * @description Tables of items; one that goes on over several pages is one table.
+             * @default []
+             */
+            tables: components["schemas"]["DocumentTable"][];
             warnings: components["schemas"]["Warning"][];
             /** @description Of each stage, all pages together. */
             timings_ms: {
                 [key: string]: number;
             };
+        };
+        /** @description A table of a document: the rows of its pages, one below the other. */
+        DocumentTable: {
+            /** @description As in `tables` of the pages. */
+            columns: string[];
+            /** @description As in `tables` of the pages. */
+            types: ("text" | "date" | "amount" | "integer" | "email" | "phone" | "postal-code" | "pattern")[];
+            /** @description As on the first of its pages. */
+            headers: (string | null)[];
+            /** @description For each row the index of its page in `pages` of the document. */
+            pages: number[];
+            rows: (components["schemas"]["ItemCell"] | null)[][];
+            /**
+             * @description `unlike_rows` are indices of `rows`.
+             * @default {
+             *       "unlike_rows": []
+             *     }
+             */
+            checks: components["schemas"]["TableChecks"];
         };
         /** @description A flat page, and where it lies in the photo. */
         FlatPage: {
@@ -114,6 +138,50 @@ export interface components {
             label: string | null;
             confidence: number;
             text: string;
+        };
+        /** @description One cell of a table. */
+        ItemCell: {
+            /** @description x0, y0, x1, y1 in pixels of the page. */
+            box: [
+                number,
+                number,
+                number,
+                number
+            ];
+            /** @description A line for each printed one. */
+            text: string;
+            /** @description The text normalized by the type of its column, as in `fields`; null: see `problem`. */
+            value?: string | null;
+            /** @description Currency of an amount (ISO 4217), if it is known. */
+            currency?: string | null;
+            /** @description As in `fields`. */
+            problem?: ("no-value" | "several-values" | "ambiguous") | null;
+            /** @description Probability that the class, the row and the column of the cell and its text are right. */
+            confidence: number;
+        };
+        /** @description A table whose columns the settings of the class name (`items`). */
+        ItemTable: {
+            /** @description Labels of the columns that were found, in the order of the settings. */
+            columns: string[];
+            /** @description Types of their values, by the settings of the class. */
+            types: ("text" | "date" | "amount" | "integer" | "email" | "phone" | "postal-code" | "pattern")[];
+            /** @description What is printed above each column; null: nothing is. */
+            headers: (string | null)[];
+            /** @description x0, y0, x1, y1 in pixels of the page, with the header. */
+            box: [
+                number,
+                number,
+                number,
+                number
+            ];
+            /** @description From the top down, a cell or null for each column. A page can go on with the table of the page before. */
+            rows: (components["schemas"]["ItemCell"] | null)[][];
+            /**
+             * @default {
+             *       "unlike_rows": []
+             *     }
+             */
+            checks: components["schemas"]["TableChecks"];
         };
         /** @description One attempt to send a callback. */
         JobDelivery: {
@@ -268,6 +336,11 @@ export interface components {
              * @default []
              */
             fields: components["schemas"]["LabelField"][];
+            /**
+             * @description Tables of items, from the top down, where the settings of the class name columns (`items`). A person's other class leaves none.
+             * @default []
+             */
+            tables: components["schemas"]["ItemTable"][];
             match: components["schemas"]["MatchReport"] | null;
             /** @description Part of the document; null: `class` is null, or the page is blank. The first of several pages is `first`; for a single page its model decides. */
             part?: ("first" | "continuation") | null;
@@ -740,6 +813,18 @@ export interface components {
         StackResult: {
             documents: components["schemas"]["DocumentResult"][];
         };
+        /** @description What the numbers of a table say of each other, where samples show what they should; null: not checked. */
+        TableChecks: {
+            /** @description Whether one column is the product of two others, such as quantity and price. */
+            products?: ("fit" | "differ") | null;
+            /**
+             * @description Rows, from 0, in which it is not; their cells are less sure.
+             * @default []
+             */
+            unlike_rows: number[];
+            /** @description Whether the amounts of all rows of the document add up to an amount printed below, before or after taxes. */
+            sum?: ("fits" | "differs") | null;
+        };
         /** @description How far an upload in pieces has come. */
         UploadState: {
             /** @description What a form takes as `upload`, in place of the file. */
@@ -958,9 +1043,12 @@ export type Decision = components['schemas']['Decision'];
 export type DecisionReason = components['schemas']['DecisionReason'];
 export type DocumentClass = components['schemas']['DocumentClass'];
 export type DocumentResult = components['schemas']['DocumentResult'];
+export type DocumentTable = components['schemas']['DocumentTable'];
 export type FlatPage = components['schemas']['FlatPage'];
 export type FoundClass = components['schemas']['FoundClass'];
 export type FoundZone = components['schemas']['FoundZone'];
+export type ItemCell = components['schemas']['ItemCell'];
+export type ItemTable = components['schemas']['ItemTable'];
 export type JobDelivery = components['schemas']['JobDelivery'];
 export type JobLinks = components['schemas']['JobLinks'];
 export type JobStatus = components['schemas']['JobStatus'];
@@ -1002,6 +1090,7 @@ export type Problem = components['schemas']['Problem'];
 export type ReadWord = components['schemas']['ReadWord'];
 export type Size = components['schemas']['Size'];
 export type StackResult = components['schemas']['StackResult'];
+export type TableChecks = components['schemas']['TableChecks'];
 export type UploadState = components['schemas']['UploadState'];
 export type Vector = components['schemas']['Vector'];
 export type Warning = components['schemas']['Warning'];

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from services.contract.answers.page import Answer, FlatPage, Orientation, Warning
+from services.contract.answers.tables import DocumentTable, ItemTable
 from services.contract.fields import FieldType, ValueProblem
 
 
@@ -22,7 +23,7 @@ class Appearance(BaseModel):
 class DecisionReason(Answer):
     """Why a page should be reviewed."""
 
-    code: Literal["no-class", "no-evidence", "unsure"]
+    code: Literal["no-class", "no-evidence", "unsure", "product-differs", "sum-differs"]
     detail: str
     zones: list[str] = Field(description="Ids of the zones that it is about; empty: the whole page.")
 
@@ -220,6 +221,11 @@ class LayoutResult(Answer):
         default=[],
         description="The text and the value of every label, in reading order; labels without a text are left out.",
     )
+    tables: list[ItemTable] = Field(
+        default=[],
+        description="Tables of items, from the top down, where the settings of the class name columns (`items`). A "
+        "person's other class leaves none.",
+    )
     match: MatchReport | None
     part: Literal["first", "continuation"] | None = Field(
         default=None,
@@ -274,6 +280,9 @@ class DocumentResult(Answer):
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(ge=0, le=1)
     pages: list[LayoutResult]
+    tables: list[DocumentTable] = Field(
+        default=[], description="Tables of items; one that goes on over several pages is one table."
+    )
     warnings: list[Warning]
     timings_ms: dict[str, float] = Field(description="Of each stage, all pages together.")
 

@@ -3,11 +3,12 @@
 Blocks are tagged with their logical labels (`TAGREFS` of a LayoutTag whose LABEL is the label).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import cast
 from xml.etree.ElementTree import Element, SubElement
 
+from services.layout.exchange.item_cells import table_of_zone
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import BlockJson, page_of_blocks
 from services.layout.exchange.xml_reading import (
@@ -33,6 +34,7 @@ from services.layout.exchange.xml_writing import (
 )
 from services.layout.page import Box, InvalidLayout, Kind, Page, Zone
 from services.layout.recognition.results import Recognition, RecognizedZone
+from services.layout.tables.item_table import ItemTable
 from services.notices import Notice
 
 NAMESPACE = "http://www.loc.gov/standards/alto/ns-v4#"
@@ -61,7 +63,9 @@ _NO_LABELS = ("language", "script")
 _HYPHENS = ("-", "\u00ac", "\u00ad", "\u2010", "\u2011", "\u2e17")
 _PRINTED_FIGURE = "printed-figure"
 """TYPE of our figures with print within them: an Illustration holds no words."""
-_WHOLE = ("table", _PRINTED_FIGURE)
+_TABLE = "table"
+"""TYPE of tables of items; their cells are blocks of their own."""
+_WHOLE = (_TABLE, _PRINTED_FIGURE)
 """What the TYPE of ComposedBlocks that are one zone begins with: tables (ABBYY, PRImA), figures of ours. It is free by
 the schema."""
 _LONGEST_REFERENCES = 10_000
@@ -270,6 +274,7 @@ def write_alto(recognition: Recognition, file_name: str, created: datetime, turn
         attributes["PAGECLASS"] = clean(recognition.chosen.name)
     element = SubElement(SubElement(root, "Layout"), "Page", attributes)
     space = SubElement(element, "PrintSpace", {"ID": space_id, **size, "HPOS": "0", "VPOS": "0"})
+    left = list(recognition.tables)
     for name, zone in zip(ids, zones, strict=True):
         block = {"ID": name}
         style = _style(zone.zone)
@@ -281,7 +286,14 @@ def write_alto(recognition: Recognition, file_name: str, created: datetime, turn
         references = tags.of(zone, name)
         if references:
             block["TAGREFS"] = " ".join(references)
-        _write_block(space, zone.zone, block, names)
+        table = table_of_zone(zone.zone.box, left)
+        if table is None:
+            _write_block(space, zone.zone, block, names)
+        else:
+            left.remove(table)
+            _write_table(space, table, block, names, tags)
+    for table in left:
+        _write_table(space, table, {"ID": names.give("table")}, names, tags)
     for kind, type_, label, name in tags.given:
         SubElement(tag_list, kind, {"ID": name, "TYPE": type_, "LABEL": label})
     for empty in (part for part in (style_list, tag_list) if len(part) == 0):
@@ -310,11 +322,17 @@ class _Tags:
             del measures["lines"]  # the TextLines contain it
         found += [("OtherTag", name, decimal(value)) for name, value in measures.items() if value is not None]
         found += [] if zone.id == name else [("OtherTag", _ID, clean(zone.id))]
-        for tag in found:
-            if tag not in self._ids:
-                wanted = f"{tag[2] if tag[0] == 'LayoutTag' else tag[1]}-tag"
-                self._ids[tag] = self._names.give(wanted)
-        return [self._ids[tag] for tag in found]
+        return [self._id(tag) for tag in found]
+
+    def label(self, label: str) -> str:
+        """ID of the tag of a label."""
+        return self._id(("LayoutTag", "layout", clean(label)))
+
+    def _id(self, tag: tuple[str, str, str]) -> str:
+        if tag not in self._ids:
+            wanted = f"{tag[2] if tag[0] == 'LayoutTag' else tag[1]}-tag"
+            self._ids[tag] = self._names.give(wanted)
+        return self._ids[tag]
 
 
 def begin_alto(file_name: str, step_id: str, step_name: str, created: datetime | None = None) -> Element:
@@ -368,11 +386,7 @@ def _write_block(space: Element, zone: Zone, attributes: dict[str, str], names: 
         _write_read_lines(block, zone)
         return
     for words in _lines(zone):
-        line = SubElement(block, "TextLine")
-        for index, word in enumerate(words):
-            if index:
-                SubElement(line, "SP")
-            SubElement(line, "String", {"CONTENT": word})
+        _write_words(block, words)
 
 
 def _write_read_lines(block: Element, zone: Zone) -> None:
@@ -384,6 +398,39 @@ def _write_read_lines(block: Element, zone: Zone) -> None:
                 SubElement(line, "SP")
             text = {"CONTENT": clean(word.text), "WC": decimal(word.confidence)}
             SubElement(line, "String", {**text, **_place(word.box)})
+
+
+def _write_table(
+    space: Element, table: ItemTable, attributes: dict[str, str], names: Names, tags: _Tags
+) -> None:
+    """A table as a ComposedBlock whose cells are TextBlocks with the label of their column.
+
+    ALTO has no rows and columns; the ID of a cell names them, from 1.
+    """
+    block = SubElement(space, "ComposedBlock", {**attributes, **_place(table.box), "TYPE": _TABLE})
+    for row, cells in enumerate(table.rows, 1):
+        for column, (label, cell) in enumerate(zip(table.columns, cells, strict=True), 1):
+            if cell is None:
+                continue
+            own = {
+                "ID": names.give(f"{attributes['ID']}-r{row}-c{column}"),
+                "TAGREFS": tags.label(label),
+                **_place(cell.box),
+            }
+            inner = SubElement(block, "TextBlock", own)
+            for text in clean(cell.text).split("\n"):
+                _write_words(inner, text.split())
+
+
+def _write_words(block: Element, words: Sequence[str]) -> None:
+    """A line of words whose places are not known."""
+    if not words:
+        return
+    line = SubElement(block, "TextLine")
+    for index, word in enumerate(words):
+        if index:
+            SubElement(line, "SP")
+        SubElement(line, "String", {"CONTENT": word})
 
 
 def _place(box: Box) -> dict[str, str]:

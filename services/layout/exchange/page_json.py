@@ -3,7 +3,7 @@
 `{"width", "height", "zones": [{"id", "box": [x0, y0, x1, y1], "label"?, "kind"?, "lines"?, "font_size"?,
 "line_spacing"?, "weight"?, "alignment"?, "appearance"?, "text"?, "content"?, "pieces"?, "printed"?}]}`; other keys are
 passed over. `printed` are the words that OCR read, `[text, x0, y0, x1, y1, confidence, line]` each: what stored pages
-keep. Where it is no such list, it is passed over too.
+keep, as they keep words in no zone as `loose` beside the zones. Where it is no such list, it is passed over too.
 """
 
 from collections.abc import Callable, Sequence
@@ -77,7 +77,7 @@ def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
                 f"The id {_shown(zone.id)} is that of zones[{first}] already; give every zone an id of its own.",
                 f"zones[{index}].id",
             )
-    return Page(width, height, zones)
+    return Page(width, height, zones, _printed(document.get("loose")))
 
 
 def page_of_blocks(
@@ -127,11 +127,14 @@ def check_count(zones: int, limits: ExchangeLimits) -> None:
 
 def page_to_document(page: Page) -> PageJson:
     """The page as a JSON document. Values that were not measured are left out; an unknown label is null."""
-    return {
+    document: PageJson = {
         "width": plain_number(page.width),
         "height": plain_number(page.height),
         "zones": [_zone_document(zone) for zone in page.zones],
     }
+    if page.loose:
+        document["loose"] = _words_document(page.loose)
+    return document
 
 
 def _zone_document(zone: Zone) -> ZoneJson:
@@ -148,10 +151,12 @@ def _zone_document(zone: Zone) -> ZoneJson:
     if zone.content:
         document["content"] = dict(zone.content)
     if zone.words:
-        document["printed"] = [
-            [word.text, *map(round, word.box), round(word.confidence, 3), word.line] for word in zone.words
-        ]
+        document["printed"] = _words_document(zone.words)
     return document
+
+
+def _words_document(words: Sequence[ZoneWord]) -> list[list[str | float]]:
+    return [[word.text, *map(round, word.box), round(word.confidence, 3), word.line] for word in words]
 
 
 def plain_number(value: float) -> float:

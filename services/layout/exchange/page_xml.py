@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from typing import cast
 from xml.etree.ElementTree import Element, SubElement
 
+from services.layout.exchange.item_cells import table_of_zone
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import BlockJson, page_of_blocks
 from services.layout.exchange.xml_reading import (
@@ -37,6 +38,7 @@ from services.layout.exchange.xml_writing import (
 )
 from services.layout.page import Box, InvalidLayout, Kind, Page, ZoneWord
 from services.layout.recognition.results import Recognition, RecognizedZone
+from services.layout.tables.item_table import ItemTable
 from services.notices import Notice
 
 NAMESPACE = "http://schema.primaresearch.org/PAGE/gts/pagecontent/2019-07-15"
@@ -302,9 +304,41 @@ def write_page_xml(recognition: Recognition, file_name: str, created: datetime, 
         )
         for index, name in enumerate(ids):
             SubElement(group, "RegionRefIndexed", {"index": str(index), "regionRef": name})
+    left = list(recognition.tables)
     for name, zone in zip(ids, zones, strict=True):
-        _write_region(element, zone, name, (width, height), names)
+        table = table_of_zone(zone.zone.box, left)
+        if table is None:
+            _write_region(element, zone, name, (width, height), names)
+        else:
+            left.remove(table)
+            _write_table(element, table, name, (width, height), names)
+    for table in left:
+        _write_table(element, table, names.give("table"), (width, height), names)
     return document(root)
+
+
+def _write_table(page: Element, table: ItemTable, name: str, size: tuple[int, int], names: Names) -> None:
+    """A table as a TableRegion whose cells are TextRegions with their rows and columns; their labels as of zones."""
+    attributes = {"id": name, "rows": str(len(table.rows)), "columns": str(len(table.columns))}
+    region = SubElement(page, "TableRegion", attributes)
+    SubElement(region, "Coords", {"points": _points(table.box, *size)})
+    for row, cells in enumerate(table.rows):
+        for column, (label, cell) in enumerate(zip(table.columns, cells, strict=True)):
+            if cell is None:
+                continue
+            structure = {"type": label, "score": decimal(cell.confidence)}
+            inner = SubElement(
+                region,
+                "TextRegion",
+                {
+                    "id": names.give(f"{name}-r{row + 1}-c{column + 1}"),
+                    "custom": _write_custom({"structure": structure}),
+                },
+            )
+            SubElement(inner, "Coords", {"points": _points(cell.box, *size)})
+            place = {"rowIndex": str(row), "columnIndex": str(column)}
+            SubElement(SubElement(inner, "Roles"), "TableCellRole", place)
+            SubElement(SubElement(inner, "TextEquiv"), "Unicode").text = clean(cell.text)
 
 
 def _write_region(

@@ -8,7 +8,12 @@ from services.ocr.engine import Word
 
 _WIDE = 1.2
 """Space between two words, in em, that parts columns: words of a line are a third of an em apart."""
-_KEY_END = re.compile(r"[:=]$|^[:=]+$")
+_KEY_END = re.compile(r"[:=°º]$|^[:=]+$")
+_THOUSANDS = re.compile(r"\(?-?\W?\d{1,3}")
+_GROUPED = re.compile(r"\d{3}(?:[.,]\d{2}\)?)?")
+"""What follows thousands that a space parts from it, as in 12 345,60."""
+_OF_ONE_NUMBER = 0.45
+"""Largest space between thousands, in em."""
 _VALUE = re.compile(
     r"\d{1,4}([./-])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}(?::\d{2})?(?:[AaPp][Mm])?|\(?-?\W?\d[\d.,']*[.,]\d{2}\)?"
 )
@@ -18,11 +23,25 @@ _VALUE = re.compile(
 def places_of_cuts(words: Sequence[Word] | Sequence[ZoneWord], em: float) -> list[int]:
     """Places of the words, from left to right, before which their line is cut; `em` is its font size in their unit."""
     values = [bool(_VALUE.fullmatch(word.text.strip(".,;*"))) for word in words]
+    joined = set()
+    for at in range(len(words) - 1, 0, -1):
+        near = words[at].box[0] - words[at - 1].box[2] < _OF_ONE_NUMBER * em
+        if near and (values[at] or at + 1 in joined) and _is_thousands(words[at - 1].text, words[at].text):
+            joined.add(at)
+            values[at - 1] = True
     return [
         at
         for at in range(1, len(words))
-        if words[at].box[0] - words[at - 1].box[2] > _WIDE * em
-        or values[at] != values[at - 1]
-        or (values[at] and values[at - 1])
-        or (_KEY_END.search(words[at - 1].text) and not _KEY_END.search(words[at].text))
+        if at not in joined
+        and (
+            words[at].box[0] - words[at - 1].box[2] > _WIDE * em
+            or values[at] != values[at - 1]
+            or (values[at] and values[at - 1])
+            or (_KEY_END.search(words[at - 1].text) and not _KEY_END.search(words[at].text))
+        )
     ]
+
+
+def _is_thousands(word: str, after: str) -> bool:
+    """Whether two words are one number, its thousands apart."""
+    return bool(_THOUSANDS.fullmatch(word) and _GROUPED.fullmatch(after.strip(".,;*")))

@@ -19,6 +19,7 @@ from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.layout_model import LayoutModel, ModelNode, PieceStatistics
+from services.layout.page import Zone
 from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, Line, compose_with_lines
 from services.layout.segmentation.measures import SAME_ROW
@@ -44,6 +45,10 @@ larger zone made parts of lines of all others: zones with a wrong label 4.3 -> 1
 
 LEAST_PARTS = 2
 """Parts with the label from which on it is looked for, where there are as many samples: one is chance."""
+
+
+_LINE = 1.35
+"""Mean of the attribute `lines` (binary logarithm of one more than their number) below which zones have one line."""
 
 
 def share_within(label: PieceStatistics) -> float:
@@ -195,10 +200,25 @@ def _labels_of_parts(
         if not len(chosen):
             nearest = int(np.argmin(np.where(is_text, excess, np.inf)))
             chosen = np.array([nearest] if excess[nearest] < _MAY_BE else [], np.intp)
+        if _is_single(model.nodes[place]) and _is_line(model.nodes[place]):
+            surest = page.zones[min(chosen, key=lambda zone: excess[zone], default=0)]
+            chosen = np.array([zone for zone in chosen if _in_row(page.zones[zone], surest)], np.intp)
         for zone in chosen:
             for part in lines[zone]:
                 labels[part] = label
     return labels
+
+
+def _is_line(node: ModelNode) -> bool:
+    """Whether the zones of a label have one line each."""
+    lines = node.numeric.get("lines")
+    return lines is not None and lines.value < _LINE
+
+
+def _in_row(zone: Zone, other: Zone) -> bool:
+    """Whether two parts are in one row: a value may be cut in two."""
+    common = min(zone.box[3], other.box[3]) - max(zone.box[1], other.box[1])
+    return common > 0.5 * min(zone.box[3] - zone.box[1], other.box[3] - other.box[1])
 
 
 def _without_taken(

@@ -13,13 +13,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.layout.content.content_features import ContentFeatures, content_features
-from services.layout.graph.layout_graph import build_graph
+from services.layout.graph.layout_graph import LayoutGraph, build_graph
 from services.layout.learning.label_transfer import come_apart
 from services.layout.learning.learned_pieces import learn_pieces
 from services.layout.learning.over_segmentation import over_segment
 from services.layout.matching import NO_PROOF, match_directly
+from services.layout.model.compiled_model import CompiledModel
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.estimation import estimate_model
 from services.layout.model.held_out import choose_evenly
@@ -46,11 +48,15 @@ take seconds each, so that fewer are held out."""
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A page and its graph with the labels; where segmentation found its zones in an image, these as found."""
+    """A page and its graph with the labels; where segmentation found its zones in an image, these as found.
+
+    `whole` is the graph before parts of zones were taken out: recognition compares classes by it. None: there are none.
+    """
 
     page: Page
     labelled: LabelledGraph
     found: Page | None = None
+    whole: LayoutGraph | None = None
 
 
 Views = Sequence[View]
@@ -166,15 +172,23 @@ def _calibrate(begun: LearningModel, seen: Sequence[Views], held_out: HeldOutTer
         own = sample_statistics([view.labelled for view in seen[index]], labels)
         model = estimate_model(begun.statistics - own, labels, scales[index])
         for view in seen[index]:
+            # Pages come in the zones of segmentation; a person may have drawn a few of them only, which cost far less.
+            if view.found is None and with_images:
+                continue
             graph = view.labelled.graph
             tables = build_cost_tables(graph, model)
             found = match_directly(tables, NO_PROOF).labels
-            costs.append(comparable_cost(graph, model, found) / graph.zones)
-            # Confidences are most wrong, and most used, on the zones of segmentation.
-            if view.found is not None or not with_images:
-                true = label_indices(view.labelled.labels, labels)
-                judged.append(judge_labels(tables, found, true, len(seen) - 1, is_read=graph.is_read))
+            costs.append(_cost_a_zone(model, view.whole) if view.whole else _cost_a_zone(model, graph, found))
+            true = label_indices(view.labelled.labels, labels)
+            judged.append(judge_labels(tables, found, true, len(seen) - 1, is_read=graph.is_read))
     return calibrate_labels(calibrate(costs), judged)
+
+
+def _cost_a_zone(model: CompiledModel, graph: LayoutGraph, labels: NDArray[np.intp] | None = None) -> float:
+    """The comparable cost a zone, with the labels of least cost if none are given."""
+    if labels is None:
+        labels = match_directly(build_cost_tables(graph, model), NO_PROOF).labels
+    return comparable_cost(graph, model, labels) / graph.zones
 
 
 def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
@@ -184,6 +198,7 @@ def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
         seed = zlib.crc32(repr([zone.box for zone in sample.zones]).encode())
         found = over_segment(content.measure_page(sample), np.random.default_rng(seed))
     other = come_apart(sample, found) if is_found else found
+    whole = None if other is found else build_graph(content.measure_page(found), content.names)
     return [
         View(
             page,
@@ -192,6 +207,7 @@ def _see(sample: Page, found: Page | None, content: ContentFeatures) -> Views:
                 tuple(zone.label for zone in page.zones),
             ),
             found if is_found and place == 1 else None,
+            whole if place == 1 else None,
         )
         for place, page in enumerate(map(content.measure_page, (sample, other)))
     ]

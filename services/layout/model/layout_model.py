@@ -8,6 +8,8 @@ edge has a look-up table for every relation. `scales` has one factor for each at
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from services.layout.tables.table_model import TableModel
+
 MODEL_FORMAT = "layout-graph-model"
 MODEL_FORMAT_VERSION = 1
 """The number increases when earlier code cannot read a new model."""
@@ -177,7 +179,7 @@ class LayoutModel:
 
     The first node is null. `scales` weigh every attribute by name; together with the variance of its node it
     makes the attribute's weight. An edge that is not listed has no cost. A model without `statistics` can
-    learn too: they are then presumed from its values.
+    learn too: they are then presumed from its values. `table` is that of the items, which are no nodes.
     """
 
     name: str
@@ -187,6 +189,7 @@ class LayoutModel:
     scales: Mapping[str, float]
     calibration: Calibration
     statistics: ModelStatistics | None = None
+    table: TableModel | None = None
 
     @property
     def labels(self) -> tuple[str | None, ...]:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, NotRequired, TypeVar, cast
 from pydantic import AfterValidator, BeforeValidator, FailFast, Field, TypeAdapter, ValidationError
 from typing_extensions import TypedDict  # of typing's own pydantic cannot read the optional keys before 3.12
 
+from services.contract.fields import MOST_COLUMNS
 from services.contract.layout import LONGEST_LABEL
 from services.contract.model_json import ModelJson
 from services.layout.model.layout_model import (
@@ -32,6 +33,13 @@ from services.layout.model.layout_model import (
 )
 from services.layout.model.word_counts import MOST_KEPT
 from services.layout.page import InvalidLayout, is_finite_number
+from services.layout.tables.table_model import (
+    MOST_HEADER_WORDS,
+    MOST_PRODUCTS,
+    ColumnModel,
+    ProductRule,
+    TableModel,
+)
 
 MOST_NAMES = 500
 """Of attributes, in one mapping."""
@@ -93,6 +101,7 @@ def model_from_document(document: Any) -> LayoutModel:
         scales=read["scales"],
         calibration=Calibration(**read["calibration"]),
         statistics=None if statistics is None else _statistics(statistics, labels),
+        table=None if (table := read.get("table")) is None else _table(table),
     )
 
 
@@ -218,6 +227,34 @@ class _Statistics(TypedDict):
     certainty: ByName[Positive]
 
 
+class _Column(TypedDict):
+    label: Label
+    samples: Positive
+    cells: Positive
+    rows: Positive
+    headers: Annotated[dict[Name, Positive], Field(max_length=MOST_HEADER_WORDS)]
+    kinds: ByName[Positive]
+    left: tuple[Total, SignedTotal, Total]
+    right: tuple[Total, SignedTotal, Total]
+    sizes: tuple[Total, SignedTotal, Total]
+
+
+class _Product(TypedDict):
+    of: Label
+    by: Label
+    gives: Label
+    tested: Positive
+    fits: Positive
+
+
+class _Table(TypedDict):
+    columns: Annotated[list[_Column], Field(min_length=1, max_length=MOST_COLUMNS)]
+    samples: Positive
+    at_top: Positive
+    at_bottom: Positive
+    products: Annotated[list[_Product], Field(max_length=MOST_PRODUCTS)]
+
+
 class _Model(TypedDict):
     name: Name
     samples: Count
@@ -226,6 +263,7 @@ class _Model(TypedDict):
     scales: ByName[Weight]
     calibration: _Calibration
     memory: NotRequired[_Statistics | None]
+    table: NotRequired[_Table | None]
 
 
 _MODEL = TypeAdapter(_Model)
@@ -239,6 +277,19 @@ def _node(read: _Node) -> ModelNode:
     pieces = PieceStatistics(**read["pieces"]) if "pieces" in read else PieceStatistics(joining)
     words = {name: NodeWords(**each) for name, each in read.get("words", {}).items()}
     return ModelNode(**{**values, "pieces": pieces, "words": words})
+
+
+def _table(read: _Table) -> TableModel:
+    labels = [column["label"] for column in read["columns"]]
+    if len(set(labels)) < len(labels):
+        raise InvalidLayout("table.columns: every label may occur once.", "table.columns")
+    return TableModel(
+        tuple(ColumnModel(**column) for column in read["columns"]),
+        read["samples"],
+        read["at_top"],
+        read["at_bottom"],
+        tuple(ProductRule(**rule) for rule in read["products"]),
+    )
 
 
 def _statistics(read: _Statistics, labels: list[str | None]) -> ModelStatistics:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from services.layout.model.cost import AttributeCost
 from services.layout.page import Page, Zone
+from services.layout.tables.item_table import ItemTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,8 @@ class Recognition:
     """The class of a page and the labels of its zones.
 
     `chosen` is None when there is no model, or when none fits (`unknown`): the zones are then labelled by the
-    nearest model if there is one, else not at all. `classes` are all that competed, most probable first.
+    nearest model if there is one, else not at all. `classes` are all that competed, most probable first. `tables` are
+    read after all else (`tables.reading`).
     """
 
     page: Page
@@ -76,4 +78,5 @@ class Recognition:
     classes: tuple[ClassMatch, ...] = ()
     unknown_probability: float = 0.0
     match: ModelMatch | None = None
+    tables: tuple[ItemTable, ...] = ()
     timings_ms: Mapping[str, float] = field(default_factory=dict)

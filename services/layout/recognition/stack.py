@@ -39,6 +39,9 @@ _UNTAUGHT = 0.03
 one: as a middle page, where all samples were last ones. Without it 80 of 690 such pages began documents, nearly all
 with a probability above 0.9; 0.1 makes as many mistakes."""
 
+_MOST_LACKING = 0.9
+"""Probability that a later page lacks a label that none of its samples has: they are few, and labels may be wrong."""
+
 Likelihoods = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Log likelihoods (K,) of a page as the first one of a document of each class, and as a later one."""
 
@@ -102,24 +105,36 @@ def _likelihoods(
         if each.later:
             as_later = np.logaddexp(math.log1p(-_UNTAUGHT) + as_later, math.log(_UNTAUGHT) + as_first)
         if each.first.model is nearest:
-            as_first += _presence(nearest, {zone.label for zone in seen.zones})
+            as_first += _presence(
+                nearest, {zone.label for zone in seen.zones}, [own.model for own in each.later]
+            )
         first.append(as_first)
         later.append(as_later)
     return np.array(first), np.array(later)
 
 
-def _presence(model: LayoutModel, labels: Set[str | None]) -> float:
-    """Log likelihood ratio of a page with these labels as one like the samples, against one that may lack any of them.
+def _presence(model: LayoutModel, labels: Set[str | None], later: Sequence[LayoutModel]) -> float:
+    """Log likelihood ratio of a page with these labels as one like the samples, against a later one.
 
-    A page like the samples lacks a label with the probability of which `count_costs[0]` is the negative logarithm, the
-    other one with 1/2. Labels that most samples lack say nothing.
+    A page like the samples lacks a label with the probability of which `count_costs[0]` is the negative logarithm. A
+    later page lacks it as often as the samples of the models of `later` do, or with 1/2 where there are none. Labels
+    that most samples lack say nothing.
     """
     total = 0.0
     for node in model.nodes:
         lacking = math.exp(-node.count_costs[0])
         if node.label is not None and lacking < 0.5:
-            total += math.log(2.0 * (1.0 - lacking if node.label in labels else lacking))
+            other = max((_lacking(each, node.label) for each in later), default=0.5)
+            total += math.log((1.0 - lacking) / (1.0 - other) if node.label in labels else lacking / other)
     return total
+
+
+def _lacking(model: LayoutModel, label: str) -> float:
+    """Probability that a page of the model lacks a label."""
+    for node in model.nodes:
+        if node.label == label:
+            return min(_MOST_LACKING, math.exp(-node.count_costs[0]))
+    return min(_MOST_LACKING, (model.samples + 0.5) / (model.samples + 1.0))
 
 
 def most_probable_parts(likelihoods: Sequence[Likelihoods], beginning: float = BEGINNING) -> StackParts:

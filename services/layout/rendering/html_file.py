@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from services.contract.html import HtmlElement
+from services.layout.rendering.html_table import HtmlTable, write_table
 from services.layout.values.typed_value import plain_text
 from services.text.flowing import join_lines
 
@@ -25,6 +26,8 @@ figure { margin: 1.5em 0; }
 img { display: block; max-width: 100%; height: auto; }
 figcaption { font-size: 0.875em; margin-top: 0.5em; }
 pre { overflow-x: auto; }
+table { border-collapse: collapse; margin: 1em 0; }
+th, td { border-bottom: 1px solid #bbb; padding: 0.2em 0.8em 0.2em 0; text-align: left; vertical-align: top; }
 section + section { border-top: 1px solid #bbb; margin-top: 3em; padding-top: 2em; }
 """
 _NONCHARACTERS = "".join(chr(plane << 16 | last) for plane in range(17) for last in (0xFFFE, 0xFFFF))
@@ -50,7 +53,8 @@ class HtmlPicture:
 class HtmlZone:
     """A zone and its element. `date` is that of its text (YYYY-MM-DD).
 
-    `picture` is the content of `figure` and `img`, and of other elements without a text, lists and `pre` excepted.
+    `picture` is the content of `figure` and `img`, and of other elements without a text, lists and `pre` excepted. A
+    zone that is a `table` is written as one.
     """
 
     id: str
@@ -59,6 +63,7 @@ class HtmlZone:
     text: str
     date: str | None = None
     picture: HtmlPicture | None = None
+    table: HtmlTable | None = None
 
 
 def write_html(pages: Sequence[Sequence[HtmlZone]], title: str, language: str) -> bytes:
@@ -153,6 +158,10 @@ def _write_items(items: Element, text: str) -> None:
 
 
 def _write_zone(place: Element, zone: HtmlZone) -> Element:
+    if zone.table is not None:
+        element = _add(place, "table", **_marks(zone))
+        write_table(zone.table, element, _clean)
+        return element
     if zone.element in ("figure", "img"):
         return _write_figure(place, zone)
     element = _add(place, "p" if zone.element == "figcaption" else zone.element, **_marks(zone))

@@ -29,7 +29,7 @@ class FinePage:
     `lines` (L) lie on the levelled working copy, `boxes` (L, 4) and `words` are in pixels of the page; `scale` is
     pixels of the page per pixel of the working copy. `begins` are lines that begin a zone each (entries of lists);
     `blocks` is the grouping by print alone; `others` are figures, rules and noise. The appearance of
-    zones is measured from the marks of `ink`.
+    zones is measured from the marks of `ink`. `loose` are words that are in no line and in none of the others.
     """
 
     width: float
@@ -43,6 +43,7 @@ class FinePage:
     blocks: tuple[tuple[int, ...], ...]
     others: tuple[Zone, ...]
     ink: InkMarks | None = None
+    loose: tuple[Word, ...] = ()
 
     @property
     def column(self) -> tuple[float, float]:
@@ -65,7 +66,7 @@ def compose_with_lines(fine: FinePage) -> tuple[Page, tuple[tuple[int, ...], ...
     order = reading_order([zone.box for zone in zones])
     numbered = tuple(replace(zones[index], id=f"z{number}") for number, index in enumerate(order, 1))
     lines = tuple(tuple(fine.blocks[index]) if index < len(fine.blocks) else () for index in order)
-    return Page(fine.width, fine.height, numbered), lines
+    return Page(fine.width, fine.height, numbered, read_words([fine.loose])), lines
 
 
 def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:

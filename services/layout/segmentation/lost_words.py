@@ -5,6 +5,7 @@ together, and a reader that looks at the picture reads it all the same. Where mu
 words are believed, and not the components.
 """
 
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -15,7 +16,7 @@ from services.layout.segmentation.fine_page import FinePage
 from services.layout.segmentation.frame import LevelledFrame
 from services.layout.segmentation.measures import SAME_ROW
 from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line
-from services.ocr.engine import Word
+from services.ocr.engine import MADE_UP, Word
 
 _SURE = 0.6
 """Least confidence of a word that is believed without a line."""
@@ -32,8 +33,7 @@ _COVERED = 0.5
 def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: LevelledFrame) -> FinePage:
     """The page with lines of the `words` that no line and no figure has, each a block; the same where these are few."""
     sure = [word for word in words or () if word.confidence >= _SURE and any(map(str.isalnum, word.text))]
-    held = {(word.text, word.box) for own in fine.words for word in own}
-    held |= {(word.text, word.box) for zone in fine.others for word in zone.words}
+    held = _held(fine)
     lost = [word for word in sure if (word.text, word.box) not in held]
     if len(lost) < max(_FEW, _MANY * len(sure)):
         return fine
@@ -52,6 +52,30 @@ def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: Levelle
         words=(*fine.words, *map(tuple, rows)),
         blocks=(*(block for block in blocks if block), *((count + row,) for row in range(len(rows)))),
     )
+
+
+def with_loose_words(fine: FinePage, words: Sequence[Word] | None) -> FinePage:
+    """The page with those of the `words` that no line and no figure has: signs alone, and a few that were lost."""
+    held = _held(fine)
+    loose = (
+        word
+        for word in words or ()
+        if word.confidence >= MADE_UP
+        and any(map(_says_something, word.text))
+        and (word.text, word.box) not in held
+    )
+    return replace(fine, loose=tuple(loose))
+
+
+def _says_something(letter: str) -> bool:
+    """Whether it is no mere stroke: rules are read as bars and dashes."""
+    return letter.isalnum() or letter in "%#" or unicodedata.category(letter) == "Sc"
+
+
+def _held(fine: FinePage) -> set[tuple[str, tuple[float, float, float, float]]]:
+    """The words of all lines and figures."""
+    held = {(word.text, word.box) for own in fine.words for word in own}
+    return held | {(word.text, word.box) for zone in fine.others for word in zone.words}
 
 
 def _rows(words: Sequence[Word]) -> Iterator[list[Word]]:

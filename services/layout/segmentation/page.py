@@ -18,7 +18,7 @@ from services.layout.segmentation.gathering import gather_scraps
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.inner_print import block_boxes, give_to_figures, lie_within
 from services.layout.segmentation.line_numbers import split_line_numbers
-from services.layout.segmentation.lost_words import with_lost_words
+from services.layout.segmentation.lost_words import with_loose_words, with_lost_words
 from services.layout.segmentation.non_text import find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
@@ -109,7 +109,7 @@ def segment_finely(gray: GrayImage, words: Sequence[Word] | None) -> FinePage:
         others=others,
         ink=mark_ink(printed),
     )
-    return with_lost_words(fine, words, printed.frame)
+    return with_loose_words(with_lost_words(fine, words, printed.frame), words)
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,7 +50,7 @@ class Rule:
 
 
 MANY = float("inf")
-_REGIONS = "TextRegion ImageRegion GraphicRegion SeparatorRegion NoiseRegion"
+_REGIONS = "TextRegion ImageRegion GraphicRegion SeparatorRegion NoiseRegion TableRegion"
 _REGION = {"id": is_name}
 _TEXT_TYPES = matches(
     "paragraph|heading|caption|header|footer|page-number|drop-capital|credit|floating|signature-mark|catch-word"
@@ -80,8 +80,15 @@ PAGE_RULES = {
     "TextRegion": Rule(
         _REGION,
         {"custom": anything, "type": _TEXT_TYPES, "align": one_of("left", "centre", "right", "justify")},
-        (("Coords", 1, 1), ("TextLine", 0, MANY), ("TextEquiv", 0, MANY)),
+        (("Coords", 1, 1), ("Roles", 0, 1), ("TextLine", 0, MANY), ("TextEquiv", 0, MANY)),
     ),
+    "TableRegion": Rule(
+        _REGION,
+        {"custom": anything, "rows": whole, "columns": whole},
+        (("Coords", 1, 1), (_REGIONS, 0, MANY)),
+    ),
+    "Roles": Rule({}, {}, (("TableCellRole", 0, 1),)),
+    "TableCellRole": Rule({"rowIndex": whole, "columnIndex": whole}, {}),
     "TextLine": Rule(_REGION, {}, (("Coords", 1, 1), ("Word", 0, MANY), ("TextEquiv", 0, MANY))),
     "Word": Rule(_REGION, {}, (("Coords", 1, 1), ("TextEquiv", 0, MANY))),
     "ImageRegion": _PLAIN_REGION,

@@ -33,6 +33,7 @@ from services.layout.model.model_document import (
     model_to_document,
 )
 from services.layout.page import InvalidLayout
+from services.layout.tables.table_model import ColumnModel, ProductRule, TableModel
 
 MODEL = LayoutModel(
     name="letter",
@@ -66,6 +67,23 @@ MODEL = LayoutModel(
         edges=(EdgeStatistics("date", "date", (1.0, 0.0, 1.0)),),
         certainty={"left": 3.5},
     ),
+    table=TableModel(
+        (
+            ColumnModel(
+                "price",
+                2.0,
+                3.0,
+                4.0,
+                {"preis": 2.0},
+                {"amount": 3.0},
+                (2.0, 1.0, 0.5),
+                (2.0, 1.5, 1.1),
+                (3.0, -1.0, 9.0),
+            ),
+        ),
+        *(2.0, 1.0, 0.0),
+        (ProductRule("price", "quantity", "amount", 3.0, 3.0),),
+    ),
 )
 Path = tuple[str | int, ...]
 
@@ -78,7 +96,7 @@ def document() -> dict[str, Any]:
 def fields_of(model: LayoutModel) -> tuple[object, ...]:
     return (
         *(model.name, model.samples, model.nodes, model.edges),
-        *(model.scales, model.calibration, model.statistics),
+        *(model.scales, model.calibration, model.statistics, model.table),
     )
 
 
@@ -300,6 +318,8 @@ def optional(path: Path) -> bool:
         or path[:-1] == (*NODE, "count_costs")
         or path == ("nodes", 0, "label")  # which is null
         or path[-1] in LEARNED
+        or path in (("table",), ("table", "products", 0))
+        or path[-2:-1] in (("headers",), ("kinds",))
         or path[-2:-1] == ("tokens",)
         or path[:-1] == (*NODE, "words")
         or (path[0] == "memory" and not isinstance(path[-1], int) and path[-1] not in NEEDED_OF_MEMORY)

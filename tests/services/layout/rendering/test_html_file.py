@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from services.contract.html import HtmlElement
 from services.layout.rendering.html_elements import choose_element
 from services.layout.rendering.html_file import HtmlPicture, HtmlZone, write_html
+from services.layout.rendering.html_table import HtmlTable
 
 PICTURE = HtmlPicture(b"\xff\xd8 not shown", 40, 30)
 HOSTILE = (
@@ -154,3 +155,17 @@ def test_elements_by_default(kind: Any, label: str | None, element: HtmlElement)
     assert choose_element(kind, label, {}) == element
     if label is not None:
         assert choose_element(kind, label, {label: "aside"}) == "aside"
+
+
+def test_a_table_has_a_header_and_cells_and_none_of_it_is_markup() -> None:
+    table = HtmlTable(("item", "amount"), ("Item & more", None), [["Oak\nplaned", "4.50"], ["", HOSTILE]])
+    main = main_of(zone("p", "Item", None, table=table))
+    [element] = main
+    assert (element.tag, element.get("data-zone")) == ("table", "z1")
+    heads = [(head.text, head.get("scope"), head.get("data-label")) for head in element.iter("th")]
+    assert heads == [("Item & more", "col", "item"), ("amount", "col", "amount")]
+    cells = [["".join(cell.itertext()) for cell in row.iter("td")] for row in element.iter("tr")][1:]
+    assert cells[0] == ["Oakplaned", "4.50"]
+    assert len(list(element.iter("br"))) == 1
+    assert "<script>alert(1)</script>" in cells[1][1]
+    assert next(main.iter("script"), None) is None

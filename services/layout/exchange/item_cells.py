@@ -1,0 +1,29 @@
+"""Which zones a table of items covers: files show the table in their place."""
+
+from collections.abc import Sequence
+
+from services.layout.page import Box
+from services.layout.tables.item_table import ItemTable
+
+_COVERED = 0.7
+"""Share of a zone that lies in a table from which on it is a part of it."""
+_WHOLE = 0.9
+"""Share of a table that a zone covers from which on it is the table."""
+
+
+def table_around(box: Box, tables: Sequence[ItemTable]) -> ItemTable | None:
+    """The table that a zone with this box is a part of."""
+    return next((table for table in tables if _share(box, table.box) >= _COVERED), None)
+
+
+def table_of_zone(box: Box, tables: Sequence[ItemTable]) -> ItemTable | None:
+    """The table that a zone with this box is."""
+    around = table_around(box, tables)
+    return around if around is not None and _share(around.box, box) >= _WHOLE else None
+
+
+def _share(box: Box, other: Box) -> float:
+    """Of a box, how much of it lies in the other one."""
+    across = min(box[2], other[2]) - max(box[0], other[0])
+    down = min(box[3], other[3]) - max(box[1], other[1])
+    return max(0.0, across) * max(0.0, down) / max(1.0, (box[2] - box[0]) * (box[3] - box[1]))

@@ -1,0 +1,144 @@
+"""Tables in a worker: pages whose tables are one zone each, and the tables of the answer."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from services.contract.answers import tables as answers
+from services.contract.layout import ModelDocument
+from services.layout.content.content_features import ContentFeatures
+from services.layout.page import Page
+from services.layout.pipeline import VersionedModel
+from services.layout.recognition.documents import PageInDocument
+from services.layout.segmentation import FinePage, compose_page
+from services.layout.tables.found_table import FoundTable
+from services.layout.tables.gathering import best_tables, gather_lines
+from services.layout.tables.item_table import ItemTable, TableCell, TableChecks
+from services.layout.tables.reading import TablePlan, read_tables
+from services.operations.page_reading import rounded_box
+
+SegmentedPage = tuple[Page, FinePage | None]
+"""A page, and its lines if we segmented it."""
+
+
+def gather_tables(
+    pages: Sequence[SegmentedPage], models: Sequence[VersionedModel], features: ContentFeatures
+) -> list[SegmentedPage]:
+    """The pages with each table of items as one zone; the same objects where no class has tables, or none is found.
+
+    Zones that a client sent stay.
+    """
+    tables = [model.model.table for model in models if model.model.table is not None]
+    if not tables:
+        return list(pages)
+    gathered: list[SegmentedPage] = []
+    before: tuple[FoundTable, ...] = ()
+    for page, fine in pages:
+        before = () if fine is None else best_tables(page, tables, before)
+        if fine is None or not before:
+            gathered.append((page, fine))
+            continue
+        finer = gather_lines(fine, before)
+        gathered.append((features.measure_page(compose_page(finer)), finer))
+    return gathered
+
+
+def has_table(name: str | None, models: Sequence[VersionedModel]) -> bool:
+    """Whether the class of this name has a table."""
+    return any(model.model.name == name and model.model.table is not None for model in models)
+
+
+def with_tables(
+    placed: Sequence[PageInDocument], versions: Sequence[VersionedModel], models: Sequence[ModelDocument]
+) -> list[PageInDocument]:
+    """The pages of a document with their tables, each by the model of its class."""
+    plans = [_plan(each, versions, models) for each in placed]
+    if not any(plans):
+        return list(placed)
+    tables = read_tables([each.recognition.page for each in placed], plans)
+    return [
+        replace(each, recognition=replace(each.recognition, tables=own))
+        for each, own in zip(placed, tables, strict=True)
+    ]
+
+
+def _plan(
+    placed: PageInDocument, versions: Sequence[VersionedModel], models: Sequence[ModelDocument]
+) -> TablePlan | None:
+    """By the model of the page, or else by that of the document's class."""
+    classes = placed.recognition.classes
+    chosen = placed.recognition.chosen or (classes[0] if classes else None)
+    if chosen is None:
+        return None
+    names = (chosen.name, placed.document_class)
+    table = next(
+        (
+            model.model.table
+            for name in names
+            for model in versions
+            if model.model.name == name and model.model.table is not None
+        ),
+        None,
+    )
+    if table is None:
+        return None
+    types = {label: each for name in names[::-1] for model in models if model.name == name
+             for label, each in model.fields.items()}  # fmt: skip
+    return TablePlan(table, types, chosen.probability)
+
+
+def describe_tables(tables: Sequence[ItemTable]) -> list[answers.ItemTable]:
+    """The `tables` of an answer."""
+    return [
+        answers.ItemTable(
+            columns=list(table.columns),
+            types=list(table.types),
+            headers=list(table.headers),
+            box=rounded_box(table.box),
+            rows=[[None if cell is None else _describe_cell(cell) for cell in row] for row in table.rows],
+            checks=_describe_checks(table.checks),
+        )
+        for table in tables
+    ]
+
+
+def _describe_cell(cell: TableCell) -> answers.ItemCell:
+    return answers.ItemCell(
+        box=rounded_box(cell.box),
+        text=cell.text,
+        value=cell.value,
+        currency=cell.currency,
+        problem=cell.problem,
+        confidence=round(cell.confidence, 4),
+    )
+
+
+def _describe_checks(checks: TableChecks) -> answers.TableChecks:
+    return answers.TableChecks(
+        products=None if checks.products_fit is None else "fit" if checks.products_fit else "differ",
+        unlike_rows=list(checks.unlike),
+        sum=None if checks.sum_fits is None else "fits" if checks.sum_fits else "differs",
+    )
+
+
+def tables_from(described: Sequence[answers.ItemTable]) -> tuple[ItemTable, ...]:
+    """The tables that an answer describes."""
+    return tuple(
+        ItemTable(
+            columns=tuple(table.columns),
+            types=tuple(table.types),
+            headers=tuple(table.headers),
+            box=table.box,
+            rows=tuple(
+                tuple(
+                    None
+                    if cell is None
+                    else TableCell(
+                        cell.box, cell.text, cell.value, cell.currency, cell.problem, cell.confidence
+                    )
+                    for cell in row
+                )
+                for row in table.rows
+            ),
+        )
+        for table in described
+    )

@@ -1,0 +1,38 @@
+"""Grids of tables are taken out of a page; other rules stay."""
+
+import numpy as np
+
+from services.imaging.rulings import without_grids
+
+PAPER = 240
+
+
+def page_with(levels: list[int], uprights: list[int], left: int = 100, right: int = 900) -> np.ndarray:
+    """A page with level and upright rules, and a word of strokes within them."""
+    page = np.full((1200, 1000), PAPER, np.uint8)
+    for y in levels:
+        page[y : y + 2, left:right] = 90
+    for x in uprights:
+        page[levels[0] : levels[-1], x : x + 2] = 90
+    page[330:350, 220:224] = page[330:350, 230:234] = 20
+    return page
+
+
+def test_a_grid_is_taken_out_and_print_in_it_stays() -> None:
+    page = page_with([300, 380, 460], [100, 500, 898])
+    cleaned = without_grids(page)
+    assert (cleaned[330:350, 220:224] == 20).all()
+    cleaned = cleaned.copy()
+    cleaned[330:350, 220:234] = PAPER
+    assert (cleaned == PAPER).all()
+
+
+def test_a_frame_and_underlines_are_no_grid() -> None:
+    for levels, uprights in (([300, 460], [100, 898]), ([300, 340, 380], []), ([300], [100, 500, 898])):
+        page = page_with(levels, uprights)
+        assert without_grids(page) is page
+
+
+def test_a_tiny_page_stays() -> None:
+    page = np.zeros((20, 30), np.uint8)
+    assert without_grids(page) is page
