@@ -4,10 +4,13 @@ import gc
 import os
 import shutil
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
+import httpx
 import pytest
+from httpx._transports import default as httpx_transport
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
 
@@ -27,6 +30,8 @@ settings.register_profile("laws", deadline=None, derandomize=True, max_examples=
 settings.load_profile("laws")
 # Hypothesis also tries constants of the modules that are loaded, which are others in each process of a run.
 providers._get_local_constants = lambda: providers._local_constants
+# Each client of httpx reads all certificates that it trusts: 20 ms, which each look at a service would cost.
+vars(httpx_transport)["create_ssl_context"] = cache(httpx.create_ssl_context)
 
 ROOT = Path(__file__).parent
 KIND_OF_FOLDER = {

@@ -2,7 +2,7 @@
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import httpx
@@ -102,7 +102,7 @@ SHUTTER = """async (views) => {
 
 
 def test_the_shutter_fires_once_for_a_page_that_is_still_and_sharp(browser: Browser, scripted: str) -> None:
-    seen: dict[str, tuple[list[list[object]], list[int]]] = {
+    seen: dict[str, tuple[Sequence[Sequence[object]], list[int]]] = {
         "moving": ([[0, 300], [40, 300], [80, 300], [40, 300]], []),
         "still": ([[50, 300], [51, 300], [50, 300], [51, 300], [50, 300]], [2]),
         "another page": ([[50, 300]] * 4 + [[90, 300]] * 4, [2, 6]),
