@@ -11,6 +11,7 @@ _WIDE = 1.2
 _KEY_END = re.compile(r"[:=]$|^[:=]+$")
 _VALUE = re.compile(
     r"\d{1,4}([./-])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}(?::\d{2})?(?:[AaPp][Mm])?|\(?-?\W?\d[\d.,']*[.,]\d{2}\)?"
+    r"|\(\w{0,2}\d{4,}.*|\d{4,}-[A-Z]\)?"
 )
 """A word that is a date, a time or an amount: a value of its own."""
 

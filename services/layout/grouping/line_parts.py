@@ -19,6 +19,8 @@ from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.layout_model import LayoutModel, ModelNode, PieceStatistics
+from services.layout.page import Page
+from services.layout.recognition.label_evidence import zone_shares
 from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, Line, compose_with_lines
 from services.layout.segmentation.measures import SAME_ROW
@@ -183,6 +185,7 @@ def _labels_of_parts(
     tables = build_cost_tables(graph, compiled)
     found = match_directly(tables, NO_PROOF).labels
     costs = conditional_costs(tables, found)
+    shares = zone_shares(tables, found)
     is_text = np.array(
         [bool(zone.text.strip()) and bool(own) for zone, own in zip(page.zones, lines, strict=True)]
     )
@@ -191,14 +194,29 @@ def _labels_of_parts(
         if label not in within or not is_text.any():
             continue
         excess = costs[:, place] - np.delete(costs, place, axis=1).min(axis=1)
-        chosen = np.flatnonzero(is_text & (found == place) & (excess < 0))
-        if not len(chosen):
+        if _is_single(model.nodes[place]):
+            chosen = _of_one_value(page, is_text, shares[:, place])
+        else:
+            chosen = np.flatnonzero(is_text & (found == place) & (excess < 0))
+        if not len(chosen) or excess[chosen].min() >= _MAY_BE:
             nearest = int(np.argmin(np.where(is_text, excess, np.inf)))
             chosen = np.array([nearest] if excess[nearest] < _MAY_BE else [], np.intp)
         for zone in chosen:
             for part in lines[zone]:
                 labels[part] = label
     return labels
+
+
+def _of_one_value(page: Page, is_text: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Places of the zones with one text that is most probably the label's, all together; each has its share (N,).
+
+    A total is printed again beside the payment: wherever it is found, the value is the same.
+    """
+    by_text: dict[str, list[int]] = {}
+    for place in np.flatnonzero(is_text).tolist():
+        text = "".join(filter(str.isalnum, page.zones[place].text.casefold()))
+        by_text.setdefault(text, []).append(place)
+    return np.array(max(by_text.values(), key=lambda places: shares[places].sum()), np.intp)
 
 
 def _without_taken(

@@ -23,7 +23,13 @@ from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.recognition.classification import classify
 from services.layout.recognition.hierarchy import MOST_CANDIDATES, Competitor, rank_models
-from services.layout.recognition.label_evidence import label_confidences, label_evidence, other_labels
+from services.layout.recognition.label_evidence import (
+    are_single,
+    label_confidences,
+    label_evidence,
+    other_labels,
+    zone_shares,
+)
 from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition, RecognizedZone
 
 CONTENDER = 0.02
@@ -78,6 +84,8 @@ class _Match:
     and a model of 60 labels have 300 MB, and many models may compete."""
     others: NDArray[np.float64] | None = None
     """(N, L) `other_labels`, of thorough matches."""
+    shares: NDArray[np.float64] | None = None
+    """(N, L) `zone_shares` of labels that pages have once, of thorough matches."""
 
     @property
     def cost(self) -> float:
@@ -268,7 +276,8 @@ def _match(
         tables, matching.labels, conditional, model.model.samples, is_read=graph.is_read
     )
     others = other_labels(conditional, matching.labels, compiled.counts)
-    return replace(match, confidences=confidences, evidence=evidence, others=others)
+    shares = np.where(are_single(compiled.counts), zone_shares(tables, matching.labels), 0.0)
+    return replace(match, confidences=confidences, evidence=evidence, others=others, shares=shares)
 
 
 def _label_zones(page: Page, match: _Match) -> tuple[RecognizedZone, ...]:
@@ -280,6 +289,7 @@ def _label_zones(page: Page, match: _Match) -> tuple[RecognizedZone, ...]:
     assert match.confidences is not None, "the most probable class was matched thoroughly"
     assert match.evidence is not None, "evidence comes with confidences"
     assert match.others is not None, "other labels come with confidences"
+    assert match.shares is not None, "shares come with confidences"
     chosen = match.matching.labels
     labels = match.compiled.labels
     return tuple(
@@ -293,6 +303,11 @@ def _label_zones(page: Page, match: _Match) -> tuple[RecognizedZone, ...]:
             others={
                 name: float(share)
                 for name, share in zip(labels, match.others[index], strict=True)
+                if name is not None and share > 0
+            },
+            shares={
+                name: float(share)
+                for name, share in zip(labels, match.shares[index], strict=True)
                 if name is not None and share > 0
             },
         )
