@@ -123,11 +123,15 @@ def _pieces(words: Sequence[str]) -> Iterator[str]:
 
 def _forms(text: str) -> Iterator[str]:
     """The kinds of values that a text looks like, how many words it has, and the forms of its first words."""
-    yield from (f"={name}" for name, pattern in _KINDS if pattern.search(text))
+    yield from _kinds(text)
     chunks = _CHUNK.findall(text)
     yield f"#{min(len(chunks), 8).bit_length()}"
     for chunk in chunks[:MOST_TOKENS]:
         yield _form(chunk)
+
+
+def _kinds(text: str) -> Iterator[str]:
+    return (f"={name}" for name, pattern in _KINDS if pattern.search(text))
 
 
 def _form(chunk: str) -> str:
@@ -182,7 +186,7 @@ class _Print:
         return _first([*words, f"{words[-1]}$"]) if words else (NOTHING,)
 
     def above(self, box: Box) -> tuple[str, ...]:
-        """Words of the nearest row above a box in its column."""
+        """Words of the nearest row above a box in its column, and the kinds of values that it looks like."""
         x0, _, x1, y1 = self.boxes.T
         slack = _SLACK * (box[3] - box[1])
         over = (np.minimum(x1, box[2]) - np.maximum(x0, box[0]) > 0) & (y1 <= box[1] + slack)
@@ -190,5 +194,5 @@ class _Print:
             return (NOTHING,)
         nearest = y1[over].max()
         row = np.flatnonzero(over & (y1 >= nearest - slack))
-        texts = (self.texts[place].rstrip().rpartition("\n")[2] for place in row[np.argsort(x0[row])])
-        return _first(_words(" ".join(texts)))
+        text = " ".join(self.texts[place].rstrip().rpartition("\n")[2] for place in row[np.argsort(x0[row])])
+        return _first((*_words(text), *_kinds(text)))
