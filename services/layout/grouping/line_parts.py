@@ -8,12 +8,14 @@ samples say so.
 
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from itertools import combinations, groupby, pairwise
 
 import numpy as np
 
 from services.layout.content.content_features import ContentFeatures
+from services.layout.graph.edge_attributes import RELATIONS, measure_pairs
 from services.layout.graph.layout_graph import build_graph
+from services.layout.graph.node_attributes import describe_zones
 from services.layout.grouping.line_cuts import places_of_cuts
 from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.model.compiled_model import compile_model
@@ -39,6 +41,10 @@ _MAY_BE = 2.0
 SINGLE = 5.5
 """Log odds of one zone a page against any larger number: that of three samples with one each, none with more."""
 
+
+_GAP = next(relation for relation in RELATIONS if relation.name == "gap-along")
+_NEVER = 1.6
+"""Cost of a gap between two zones of a label that eight pairs of the samples never have: log((8 + 2) / 2)."""
 
 LEAST_PAGES = 0.15
 """Parts with the label, per sample, from which on it is looked for. A caption of one title page in twelve that lay in a
@@ -94,18 +100,50 @@ def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
             assert each.label is not None
             best[each.label] = max(best.get(each.label, each), each, key=_evidence)
     zones = tuple(
-        replace(
-            each,
-            label=None,
-            group=None,
-            confidence=1.0 - each.confidence,
-            others={each.label: each.confidence},
-        )
+        _without_label(each)
         if each.label in best and best[each.label] is not each
         else each
         for each in seen.zones
     )
     return replace(seen, zones=zones)
+
+
+def with_near_zones(seen: Recognition, model: LayoutModel) -> Recognition:
+    """The recognition; of zones with a label that are farther apart than on any sample, the surest together keep it.
+
+    This is for labels of parts: a receipt has the address of its shop, and perhaps one of a customer.
+    """
+    costs = {edge.upper: edge.costs for edge in model.edges if edge.upper == edge.lower}
+    left: dict[int, RecognizedZone] = {}
+    for label in labels_of_parts(model):
+        gaps = costs.get(label, {}).get(_GAP.name)
+        places = [place for place, each in enumerate(seen.zones) if each.label == label]
+        if gaps is None or len(places) < 2:
+            continue
+        together = _near(seen.page, places, np.array(gaps) < _NEVER)
+        best = max(together, key=lambda group: sum(seen.zones[place].confidence for place in group))
+        left |= {place: _without_label(seen.zones[place]) for place in places if place not in best}
+    if not left:
+        return seen
+    return replace(seen, zones=tuple(left.get(place, each) for place, each in enumerate(seen.zones)))
+
+
+def _near(page: Page, places: Sequence[int], may_be: np.ndarray) -> list[set[int]]:
+    """The zones at `places` in groups, each zone of which has another one at a gap that `may_be` (classes of gaps)."""
+    upper, lower = np.array(list(combinations(places, 2))).T
+    measures = describe_zones(page)
+    gaps = _GAP.measure(measure_pairs(measures, np.stack([upper, lower], axis=1)))
+    groups = [{place} for place in places]
+    for a, b in zip(upper[may_be[gaps]].tolist(), lower[may_be[gaps]].tolist(), strict=True):
+        joined = [group for group in groups if a in group or b in group]
+        groups = [group for group in groups if group not in joined] + [set().union(*joined)]
+    return groups
+
+
+def _without_label(each: RecognizedZone) -> RecognizedZone:
+    assert each.label is not None, "only zones with a label lose it"
+    others = {each.label: each.confidence}
+    return replace(each, label=None, group=None, confidence=1.0 - each.confidence, others=others)
 
 
 def _is_single(node: ModelNode) -> bool:
