@@ -38,7 +38,7 @@ _MAY_BE = 2.0
 """Log odds against a label up to which a part may have it, as for values (`recognition.label_evidence`)."""
 
 
-SINGLE = 5.5
+SINGLE = 2.5
 """Log odds of one zone a page against any larger number: that of three samples with one each, none with more."""
 
 
