@@ -100,9 +100,7 @@ def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
             assert each.label is not None
             best[each.label] = max(best.get(each.label, each), each, key=_evidence)
     zones = tuple(
-        _without_label(each)
-        if each.label in best and best[each.label] is not each
-        else each
+        _without_label(each) if each.label in best and best[each.label] is not each else each
         for each in seen.zones
     )
     return replace(seen, zones=zones)

@@ -108,6 +108,8 @@ def zone_shares(tables: CostTables, labels: NDArray[np.intp]) -> NDArray[np.floa
 
 def are_single(counts: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which labels (L,) the samples' pages have once rather than never or more often, by `counts` (L, M)."""
+    if counts.shape[1] < 3:  # how often pages have several is not known
+        return np.zeros(len(counts), np.bool_)
     return np.asarray(np.delete(counts, 1, axis=1).min(axis=1) - counts[:, 1] > ALWAYS)
 
 
