@@ -56,7 +56,7 @@ BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review bench-reading \
-	system-packages postgresql chromium java licences client-models api-tables typescript python venv venv-dev venv-bench data-folder clean
+	system-packages postgresql chromium java licences client-models api-tables api-answers typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
@@ -83,6 +83,7 @@ help:
 	@echo 'make bench-reading    text of photos, app scans, receipts and flat pages beside Tesseract alone; then ten languages'
 	@echo 'make client-models    types of answers and options in clients/, written anew from the OpenAPI document'
 	@echo 'make api-tables       tables of docs/api (operations, limits, problems), written anew from the code'
+	@echo 'make api-answers      one real answer of each operation in docs/api, asked anew'
 	@echo 'make licences         what the image holds under which licence, written anew (deploy/licences.md, sbom.cdx.json)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
 	@echo 'make venv             the environment that the service runs in'
@@ -288,6 +289,9 @@ client-models: venv-dev typescript
 
 api-tables: venv-dev
 	@$(BIN)/python -m deploy.api_tables
+
+api-answers: venv-dev
+	@$(BIN)/python -m deploy.api_answers
 
 licences: venv-dev
 	@$(BIN)/python -m deploy.licences

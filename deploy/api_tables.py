@@ -32,7 +32,7 @@ SECTIONS = (
     (r"/layout", "api/models.md"),
     (r"/jobs", "api/jobs.md"),
     (r"/tokens", "api/conventions.md"),
-    (r"/(health|metrics)", "operations.md#health-metrics-logs"),
+    (r"/(health|metrics)", "api/health.md"),
 )
 """Where the operations of a path are described: the first one that fits."""
 IS_LIMIT = re.compile(r"(max|min)_\w+|\w+_(timeout|ttl)_s|queue_length|worker_memory_bytes")
@@ -93,14 +93,20 @@ BEYOND = {
 
 
 def endpoints() -> str:
-    """Every operation of the OpenAPI document, each with a link to its section."""
+    """Every operation of the OpenAPI document, each with a link to its answer."""
     rows = ["| operation | |", "| --- | --- |"]
     document = create_app(Settings(api_keys=(), workers=1)).openapi()
     methods = ((path, method) for path, each in document["paths"].items() for method in each)
     for (path, method), (_, operation) in zip(methods, operations_of(document), strict=True):
         place = next(place for pattern, place in SECTIONS if re.match(pattern, path))
-        rows.append(f"| [`{method.upper()} {path}`]({place}) | {_cell(_first_sentence(operation))} |")
+        name = f"{method.upper()} {path}"
+        rows.append(f"| [`{name}`]({place}#{anchor_of(name)}) | {_cell(_first_sentence(operation))} |")
     return "\n".join(rows)
+
+
+def anchor_of(operation: str) -> str:
+    """Where the answer of an operation is in its page."""
+    return re.sub(r"[^a-z]+", "-", operation.lower()).strip("-")
 
 
 def limits() -> str:

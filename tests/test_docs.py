@@ -1,6 +1,5 @@
 """The pages keep to the code: names that they write exist, links lead somewhere, options have their rows."""
 
-import json
 import re
 from functools import cache
 from pathlib import Path
@@ -9,18 +8,11 @@ import pytest
 from pydantic import BaseModel
 
 from app.http.problems import STATUS_OF_CODE
-from app.schemas.jobs import JobStatus
 from app.schemas.layout import LayoutForm
-from app.schemas.layout_feedback import Feedback
 from app.schemas.mosaic import MosaicForm
 from app.schemas.rectify import RectifyForm
-from app.schemas.uploads import UploadState
 from benchmarks.__main__ import MODULES
-from deploy import api_answers, api_tables
-from services.contract.answers.layout import LayoutResult
-from services.contract.answers.mosaic import MosaicResult
-from services.contract.answers.proposals import Proposals
-from services.contract.answers.rectify import RectifyResult
+from deploy import api_tables
 
 ROOT = Path(__file__).parent.parent
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
@@ -149,37 +141,3 @@ def test_links_to_sections_lead_to_headings() -> None:
         headings = re.findall(r"^#+ (.*)$", page, re.MULTILINE)
         slugs = [re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings]
         assert not anchor or anchor in slugs, target
-
-
-@pytest.mark.parametrize(
-    ("path", "model"),
-    [
-        ("/rectify", RectifyResult),
-        ("/mosaic", MosaicResult),
-        ("/layout", LayoutResult),
-        ("/layout/results/{id}/feedback", Feedback),
-        ("/layout/proposals", Proposals),
-        ("GET /jobs/{id}", JobStatus),
-        ("/uploads", UploadState),
-    ],
-)
-def test_shown_answers_have_the_fields_of_their_models(path: str, model: type[BaseModel]) -> None:
-    page = (ROOT / "docs" / "api" / f"{api_answers.PAGES[path]}.md").read_text("utf-8")
-    (shown,) = re.findall(
-        rf"<!-- answer of {re.escape(path)}: [^\n]* -->\n```json\n(.*?)```", page, re.DOTALL
-    )
-    names = {
-        field.serialization_alias or name: field.is_required() for name, field in model.model_fields.items()
-    }
-    assert {name for name, required in names.items() if required} <= set(json.loads(shown)) <= set(names)
-
-
-def test_long_lists_of_answers_are_cut_and_say_so() -> None:
-    shown = api_answers.shortened(
-        {"box": [1, 2, 3, 4], "row": [0.12345678, 1, 2, 3, 4], "zones": [{}, {}, {}]}
-    )
-    assert shown == {
-        "box": [1, 2, 3, 4],
-        "row": [0.123457, 1, 2, 3, "... 1 more"],
-        "zones": [{}, "... 2 more"],
-    }

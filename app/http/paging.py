@@ -6,17 +6,18 @@ from typing import Annotated, TypeVar
 from urllib.parse import urlencode
 
 from fastapi import Query, Request, Response
-from pydantic import Field
 
-from app.schemas.options import Absent
+from app.schemas.options import Absent, Written
 from app.state import AppState
 
 T = TypeVar("T")
 MOST_LISTED = 1000
+OF_LINK = "the cursor of the header `Link` of the previous part"
+"""What is expected of a cursor."""
 
 Limit = Annotated[int, Query(ge=1, le=MOST_LISTED, description="Largest number of entries in the response.")]
 Cursor = Annotated[
-    Annotated[str, Field(pattern="^[A-Za-z0-9._-]{1,60}$")] | Absent,
+    Annotated[str, Written("^[A-Za-z0-9._-]{1,60}$", OF_LINK)] | Absent,
     Query(
         description="Where the list continues, from the `Link` header of the previous part. An entry that was deleted "
         "since does no harm."

@@ -306,6 +306,10 @@ def _refusal_of_validation(error: RequestValidationError) -> Refusal:
     first = error.errors()[0]
     place = [str(part) for part in first["loc"]]
     field = place[1] if len(place) > 1 else None
+    if field and place[0] == "header":
+        field = (
+            field.title()
+        )  # the framework has small letters; documentation and clients write Upload-Length
     if first["type"] == WRONG_NUMBER_OF_FILES:
         return Refusal("invalid-option", f"{field}: {first['msg']}", field)
     if field is None or field in _FILE_FIELDS:

@@ -3,13 +3,12 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import Field
 
-from app.http.paging import LINK, link_next
+from app.http.paging import LINK, OF_LINK, link_next
 from app.http.problems import documented
 from app.routes.common_responses import STORE
-from app.schemas.layout import MODEL_NAME_PATTERN
-from app.schemas.options import Absent
+from app.schemas.layout_models import NameInBody
+from app.schemas.options import Absent, Written
 from app.schemas.review import AuditEntry, ChangeList
 from app.state import State
 
@@ -31,12 +30,12 @@ async def audit(
     request: Request,
     state: State,
     model: Annotated[
-        Annotated[str, Field(pattern=MODEL_NAME_PATTERN)] | Absent,
+        NameInBody | Absent,
         Query(description="Only changes of this model."),
     ] = None,
     limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 50,
     cursor: Annotated[
-        Annotated[str, Field(pattern="^[0-9A-HJKMNP-TV-Z]{26}$")] | Absent,
+        Annotated[str, Written("^[0-9A-HJKMNP-TV-Z]{26}$", OF_LINK)] | Absent,
         Query(description="From the header `Link`."),
     ] = None,
 ) -> Response:

@@ -1,6 +1,6 @@
 """Cameras whose focal lengths are remembered."""
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
 
 from app.access.callers import caller_of
 from app.http.problems import documented
@@ -25,7 +25,13 @@ async def list_cameras(request: Request, state: State) -> CameraList:
     )
 
 
-@router.delete("/{name}", operation_id="forget_camera", status_code=204, responses=documented(*READING))
+@router.delete(
+    "/{name}",
+    operation_id="forget_camera",
+    status_code=204,
+    response_class=Response,
+    responses=documented(*READING),
+)
 async def forget_camera(request: Request, state: State, name: str) -> None:
     """Forget a camera of this key."""
     caller = caller_of(request)

@@ -1,4 +1,4 @@
-"""Problem codes that several routes have in common, for their documentation."""
+"""Problem codes and headers that several routes have in common, for their documentation."""
 
 BODY = ("too-large", "request-timeout")
 """Requests with a body."""
@@ -12,3 +12,10 @@ READING = ("not-found", "invalid-option", *STORE)
 """Requests that read a model."""
 WORK = ("out-of-memory", "worker-died", "busy", "shutting-down", "timed-out")
 """Requests that a worker processes."""
+FILE_NAME = {
+    "Content-Disposition": {
+        "description": "Of files: a name, after that of the (first) upload if it has one.",
+        "schema": {"type": "string"},
+    }
+}
+"""The header of files."""

@@ -11,7 +11,9 @@ from app.access.callers import caller_of
 from app.http.problems import documented, problem_response
 from app.jobs.registry import JobCancelled, Jobs
 from app.routes.common_responses import IMAGE, STORE, WORK
+from app.routes.layout import HEADERS as LAYOUT_HEADERS
 from app.routes.long_work import status_of
+from app.routes.page_answers import MOSAIC_HEADERS, RECTIFY_HEADERS
 from app.schemas.jobs import JobStatus
 from app.schemas.options import Absent
 from app.state import State
@@ -32,6 +34,10 @@ _JSON_RESULTS = [
         "InitializedModel",
         "TrainedModel",
         "Proposals",
+        "SamplesReport",
+        "ImportReport",
+        "PlainPagesResult",
+        "PlainMosaicResult",
     )
 ]
 _POLLING = {
@@ -94,8 +100,9 @@ async def job_events(
             "content": {
                 "application/json": {"schema": {"anyOf": _JSON_RESULTS}},
                 **{name: {"schema": {"type": "string", "format": "binary"}} for name in _BINARY_RESULTS},
-                "application/xml": {"schema": {"type": "string"}},
+                **{name: {"schema": {"type": "string"}} for name in ("application/xml", "text/html")},
             },
+            "headers": RECTIFY_HEADERS | MOSAIC_HEADERS | LAYOUT_HEADERS,
         },
         **documented(
             "not-found",
@@ -121,7 +128,11 @@ async def job_result(request: Request, state: State, id: str) -> Response:
 
 
 @router.delete(
-    "", operation_id="cancel_job", status_code=204, responses=documented("not-found", "internal", *STORE)
+    "",
+    operation_id="cancel_job",
+    status_code=204,
+    response_class=Response,
+    responses=documented("not-found", "internal", *STORE),
 )
 async def cancel_job(request: Request, state: State, id: str) -> None:
     """Cancel the job: its work is stopped. A finished job is deleted, with its result.

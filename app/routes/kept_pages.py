@@ -21,7 +21,7 @@ from app.http.representations import (
     image_headers,
 )
 from app.routes.common_responses import BODY, STORE, WORK
-from app.routes.page_answers import BINARY, flat_pages
+from app.routes.page_answers import BINARY, RECTIFY_HEADERS, flat_pages
 from app.schemas.kept_pages import (
     FILE_FORMATS,
     PICTURE_FORMATS,
@@ -77,6 +77,10 @@ async def keep_photos(state: AppState, caller: Caller, reply: PageReply, names: 
 
 async def own_page(request: Request, state: AppState, page_id: str) -> StoredPage:
     """A kept page of the caller. Raises `KeptPageNotFound`, also where another key has it."""
+    if "/" in page_id:
+        raise KeptPageNotFound(
+            f"{page_id!r} is no id of a kept page: send the id alone, without its path", page_id
+        )
     page = await state.store.call(lambda store: store.kept_page(page_id))
     if not caller_of(request).sees(page.owner):
         raise KeptPageNotFound(f"there is no kept page {page_id!r}, or no longer", page_id)
@@ -140,6 +144,7 @@ async def show_photo(
             "description": "The flat page, or its description as JSON.",
             "model": RectifyResult,
             "content": {MEDIA_TYPES[name]: BINARY for name in PICTURE_FORMATS if name != "json"},
+            "headers": RECTIFY_HEADERS,
         },
         **documented("not-found", "not-acceptable", "invalid-option", *BODY, *STORE, *WORK),
     },
@@ -171,7 +176,7 @@ async def render_page(request: Request, state: State, id: str) -> Response:
     answer.page_id = id
     if asked.wish != PageWish():
         await keep_change(state, page, changed)
-    elif reading is not None:  # only read: what a person has said meanwhile stays
+    elif reading is not None and reading.is_wanted:  # only read: what a person has said meanwhile stays
         now = await own_page(request, state, id)
         read: KeptPageJson = {**now.document, "text": changed.document["text"]}
         await state.store.call(lambda store: store.change_kept_page(id, read))
@@ -201,6 +206,7 @@ async def keep_change(state: AppState, page: StoredPage, changed: RenderedPage) 
         200: {
             "description": "The file of all pages.",
             "content": {MEDIA_TYPES[name]: BINARY for name in FILE_FORMATS},
+            "headers": RECTIFY_HEADERS,
         },
         **documented("not-found", "invalid-option", *BODY, *STORE, *WORK),
     },
@@ -224,7 +230,11 @@ async def bind_pages(request: Request, state: State) -> Response:
 
 
 @router.delete(
-    "/{id}", operation_id="delete_kept_page", status_code=204, responses=documented("not-found", *STORE)
+    "/{id}",
+    operation_id="delete_kept_page",
+    status_code=204,
+    response_class=Response,
+    responses=documented("not-found", *STORE),
 )
 async def delete_page(request: Request, state: State, id: str) -> None:
     """Delete a kept page with its photo."""
@@ -255,7 +265,7 @@ def encoding_of(
 
 
 def reading_of(asked: Picture, state: AppState, *, needed: bool) -> PageReading | None:
-    """How the pages are read; None where their text is not needed.
+    """How the pages are read; None where their text is not needed, and no language is asked for.
 
     Raises
     ------
@@ -263,7 +273,7 @@ def reading_of(asked: Picture, state: AppState, *, needed: bool) -> PageReading 
         When OCR_LANGUAGES does not have the language.
     """
     language = chosen_language(asked.language, state.settings)
-    return PageReading(language) if needed else None
+    return PageReading(language, needed) if needed or asked.language else None
 
 
 def file_answer(reply: PageReply, page: StoredPage) -> Response:

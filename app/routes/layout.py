@@ -21,7 +21,7 @@ from app.http.representations import (
 )
 from app.learning.labelled_pages import MissingPart, layout_settings, zones_upload
 from app.review.decisions import tolerated_errors_of
-from app.routes.common_responses import FORM, IMAGE, STORE, WORK
+from app.routes.common_responses import FILE_NAME, FORM, IMAGE, STORE, WORK
 from app.routes.document_uploads import check_not_empty, document_limits, document_time_limit
 from app.routes.layout_images import keep_pictures
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
@@ -77,6 +77,7 @@ HEADERS = {
     },
     "Document-Warnings": {"description": "Codes, separated by commas.", **_STRING},
     "Server-Timing": {"description": "Milliseconds of each stage.", **_STRING},
+    **FILE_NAME,
 }
 
 

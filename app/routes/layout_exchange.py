@@ -18,7 +18,7 @@ from app.http.json_answers import answer_json
 from app.http.known_options import known_parts
 from app.http.problems import documented, refusal_in
 from app.learning.labelled_pages import layout_settings
-from app.routes.common_responses import FORM, READING, STORE, WORK
+from app.routes.common_responses import FILE_NAME, FORM, READING, STORE, WORK
 from app.routes.layout_settings import settings_answer, settings_changes
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.schemas.layout import NAMES_PATTERN, checked_names, parse_names
@@ -59,6 +59,7 @@ _CHUNK_BYTES = 2**18
             "description": "A ZIP archive: `manifest.json` (classes and settings), `models/NAME/model.json` and "
             "`models/NAME/samples/ID.json`.",
             "content": {"application/zip": {"schema": {"type": "string", "format": "binary"}}},
+            "headers": FILE_NAME,
         },
         **documented(*READING),
     },

@@ -106,7 +106,7 @@ async def layout_model(
     model, body = await state.store.call(read)
     if model.version is None or model.document is None:
         raise ModelNotFound(
-            f"the model {name} has {model.samples} samples and no version yet; "
+            f"the model {name} has no version yet, only samples ({model.samples}); "
             f"create one with POST /layout/models/{name}/initialize",
             name,
         )
@@ -173,6 +173,7 @@ async def import_layout_model(
     "/{name}",
     operation_id="delete_layout_model",
     status_code=204,
+    response_class=Response,
     responses=documented(*READING, conditional=True),
 )
 async def delete_layout_model(state: State, name: ModelName, if_match: IfMatch = None) -> None:

@@ -77,6 +77,7 @@ async def unknown_layout_page(request: Request, state: State, id: str) -> Unknow
     "/unknown-pages/{id}",
     operation_id="forget_unknown_layout_page",
     status_code=204,
+    response_class=Response,
     responses=documented(*READING),
 )
 async def forget_unknown_layout_page(request: Request, state: State, id: str) -> None:

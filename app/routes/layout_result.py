@@ -74,6 +74,7 @@ def _shown(kept: StoredResult) -> LayoutResult | DocumentResult:
     "/layout/results/{id}",
     operation_id="delete_layout_result",
     status_code=204,
+    response_class=Response,
     responses=documented("not-found", *STORE),
 )
 async def delete_layout_result(request: Request, state: State, id: str) -> None:

@@ -117,7 +117,13 @@ async def layout_sample(state: State, name: ModelName, id: str) -> Sample:
     )
 
 
-@router.delete("/{id}", operation_id="delete_layout_sample", status_code=204, responses=documented(*READING))
+@router.delete(
+    "/{id}",
+    operation_id="delete_layout_sample",
+    status_code=204,
+    response_class=Response,
+    responses=documented(*READING),
+)
 async def delete_layout_sample(state: State, name: ModelName, id: str) -> None:
     """Delete a sample with its image; the model changes with the next POST .../initialize."""
     await state.store.call(lambda store: store.delete_sample(name, id))

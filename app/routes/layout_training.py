@@ -97,7 +97,7 @@ async def _train_newest_version(
         samples = samples_to_learn_from(store, name)
         if model.version is None:
             raise ModelNotFound(
-                f"the model {name} has {model.samples} samples and no version yet; "
+                f"the model {name} has no version yet, only samples ({model.samples}); "
                 f"POST /layout/models/{name}/initialize makes one",
                 name,
             )

@@ -11,7 +11,7 @@ from app.http.known_options import known_parts, with_format
 from app.http.ocr_languages import chosen_language
 from app.routes.kept_pages import keep_photos
 from app.routes.long_work import PREFER, answer_now_or_later
-from app.routes.page_answers import PageAnswer, answer_page, choose_encoding, documented_page
+from app.routes.page_answers import MOSAIC_HEADERS, PageAnswer, answer_page, choose_encoding, documented_page
 from app.routes.sent_uploads import UploadFormRoute
 from app.schemas.mosaic import MosaicForm
 from app.schemas.options import AskedFormat, CallbackUrl
@@ -33,8 +33,7 @@ MOST_FILES = 64
     response_class=Response,
     responses=documented_page(
         MosaicResult,
-        "Document-Unplaced",
-        "Indices of the photos that could not be placed, separated by commas.",
+        MOSAIC_HEADERS,
         ("not-overlapping",),
     ),
     openapi_extra=PREFER,

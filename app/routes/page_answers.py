@@ -17,7 +17,7 @@ from app.http.representations import (
     file_stem,
     image_headers,
 )
-from app.routes.common_responses import FORM, IMAGE, WORK
+from app.routes.common_responses import FILE_NAME, FORM, IMAGE, WORK
 from app.routes.document_uploads import format_of
 from app.routes.long_work import ACCEPTED
 from services.contract.answers.rectify import FailedPage, PagesResult, RectifyResult
@@ -38,7 +38,8 @@ PageAnswer = Callable[[Request, PageReply, UploadFile, str], Awaitable[Response]
 Documentation = dict[int | str, dict[str, Any]]
 
 BINARY = {"schema": {"type": "string", "format": "binary"}}
-_HEADERS = {
+_COMMON_HEADERS = {
+    **FILE_NAME,
     "Document-Rotation": {
         "description": "Clockwise degrees by which the page was turned upright.",
         "schema": {"type": "string", "enum": ["0", "90", "180", "270"]},
@@ -50,7 +51,20 @@ _HEADERS = {
     },
     "Server-Timing": {"description": "Milliseconds of each stage.", "schema": {"type": "string"}},
 }
-_PAGES_HEADERS = {
+MOSAIC_HEADERS = {
+    "Document-Unplaced": {
+        "description": "Indices of the photos that could not be placed, separated by commas.",
+        "schema": {"type": "string"},
+    },
+    **_COMMON_HEADERS,
+}
+"""Of files of /mosaic."""
+RECTIFY_HEADERS = {
+    "Document-Kind": {
+        "description": "planar or curved; for several pages one value each, separated by commas.",
+        "schema": {"type": "string"},
+    },
+    **_COMMON_HEADERS,
     "Document-Rotation": {
         "description": "Clockwise degrees by which each page was turned upright, separated by commas.",
         "schema": {"type": "string", "pattern": "^(0|90|180|270)(, (0|90|180|270))*$"},
@@ -69,6 +83,7 @@ _PAGES_HEADERS = {
         "schema": {"type": "string"},
     },
 }
+"""Of files of /rectify, and of kept pages."""
 PROBLEMS = ("not-found", "not-acceptable", "conflict", "no-text", "internal", *FORM, *IMAGE, *WORK)
 
 
@@ -99,8 +114,7 @@ class AskedPagesEncoding(AskedPicture, Protocol):
 
 def documented_page(
     model: type[BaseModel],
-    header: str,
-    meaning: str,
+    headers: dict[str, Any],
     problems: tuple[str, ...] = (),
     pages_model: type[BaseModel] | None = None,
 ) -> Documentation:
@@ -110,8 +124,8 @@ def documented_page(
     ----------
     model
         The JSON response.
-    header, meaning
-        Name and description of the one string header that only this route's images have.
+    headers
+        Those of its files.
     problems
         Problem codes in addition to the common ones.
     pages_model
@@ -123,11 +137,7 @@ def documented_page(
             "description": "The flat page, or its description as JSON; the headers come with images only.",
             "model": model if pages_model is None else model | pages_model,
             "content": {media_type: BINARY for media_type in media_types if media_type != JSON},
-            "headers": {
-                header: {"description": meaning, "schema": {"type": "string"}},
-                **_HEADERS,
-                **({} if pages_model is None else _PAGES_HEADERS),
-            },
+            "headers": headers,
         },
         **ACCEPTED,
         **documented(*PROBLEMS, *problems),

@@ -12,6 +12,7 @@ from app.routes.document_uploads import check_photos, document_limits, document_
 from app.routes.kept_pages import keep_photos
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import (
+    RECTIFY_HEADERS,
     PageAnswer,
     answer_page,
     choose_pages_encoding,
@@ -41,8 +42,7 @@ MOST_FILES = 64
     response_class=Response,
     responses=documented_page(
         RectifyResult,
-        "Document-Kind",
-        "planar or curved; for several pages one value each, separated by commas.",
+        RECTIFY_HEADERS,
         pages_model=PagesResult,
     ),
     openapi_extra=PREFER,

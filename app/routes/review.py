@@ -2,7 +2,7 @@
 
 import logging
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
 
 from app.access.callers import require_own_result
 from app.engine.base import Busy, JobTimedOut, WorkerDied
@@ -58,6 +58,7 @@ async def _recognize_again(state: AppState, result_id: str, claim: str) -> bool:
     "/layout/results/{id}/release",
     operation_id="release_layout_result",
     status_code=204,
+    response_class=Response,
     responses=documented("conflict", *READING, *BODY),
     openapi_extra=json_request(ClaimBody, required=False),
 )
@@ -72,6 +73,7 @@ async def release_layout_result(request: Request, state: State, id: str) -> None
     "/layout/results/{id}/skip",
     operation_id="skip_layout_result",
     status_code=204,
+    response_class=Response,
     responses=documented("conflict", *READING, *BODY),
     openapi_extra=json_request(ClaimBody, required=False),
 )

@@ -16,7 +16,14 @@ from app.http.problems import documented
 from app.openapi.plain_answers import PLAIN_MOSAIC, PLAIN_PAGES, PlainAnswer
 from app.routes import mosaic, rectify
 from app.routes.long_work import ACCEPTED, PREFER
-from app.routes.page_answers import BINARY, PROBLEMS, Documentation, add_failed_pages
+from app.routes.page_answers import (
+    BINARY,
+    MOSAIC_HEADERS,
+    PROBLEMS,
+    RECTIFY_HEADERS,
+    Documentation,
+    add_failed_pages,
+)
 from app.routes.sent_uploads import UploadFormRoute
 from app.schemas.mosaic import MosaicForm
 from app.schemas.options import FORMAT
@@ -76,16 +83,23 @@ class MosaicJsonForm(MosaicForm):
     format: Json = "json"
 
 
-def _documented(description: str, content: dict[str, Any], *more: str) -> Documentation:
+def _documented(
+    description: str, content: dict[str, Any], *more: str, headers: dict[str, Any] | None = None
+) -> Documentation:
     return {
-        200: {"description": description, "content": content},
+        200: {"description": description, "content": content, "headers": headers or {}},
         **ACCEPTED,
         **documented(*PROBLEMS, *more),
     }
 
 
-def _file(description: str, *media_types: str, more: tuple[str, ...] = ()) -> Documentation:
-    return _documented(description, dict.fromkeys(media_types, BINARY), *more)
+def _flat(description: str, *media_types: str) -> Documentation:
+    return _documented(description, dict.fromkeys(media_types, BINARY), headers=RECTIFY_HEADERS)
+
+
+def _joined(description: str, *media_types: str) -> Documentation:
+    content = dict.fromkeys(media_types, BINARY)
+    return _documented(description, content, _OVERLAP, headers=MOSAIC_HEADERS)
 
 
 _IMAGES = ("image/jpeg", "image/png", "image/webp")
@@ -98,7 +112,7 @@ _OVERLAP = "not-overlapping"
     operation_id="rectify_to_image",
     tags=["rectify"],
     response_class=Response,
-    responses=_file("The flat page.", *_IMAGES),
+    responses=_flat("The flat page.", *_IMAGES),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyImageForm)],
     form_limits={"max_files": rectify.MOST_FILES},
@@ -115,7 +129,7 @@ async def rectify_to_image(
     operation_id="rectify_to_pdf",
     tags=["rectify"],
     response_class=Response,
-    responses=_file("One PDF of all pages.", "application/pdf"),
+    responses=_flat("One PDF of all pages.", "application/pdf"),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyPdfForm)],
     form_limits={"max_files": rectify.MOST_FILES},
@@ -135,6 +149,7 @@ async def rectify_to_pdf(
     responses=_documented(
         "The text of all pages.",
         dict.fromkeys(("text/plain", "text/markdown", "text/vnd.hocr+html", "application/alto+xml"), _TEXT),
+        headers=RECTIFY_HEADERS,
     ),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyTextForm)],
@@ -172,7 +187,7 @@ async def rectify_to_pages(
     operation_id="mosaic_to_image",
     tags=["mosaic"],
     response_class=Response,
-    responses=_file("The whole page.", *_IMAGES, more=(_OVERLAP,)),
+    responses=_joined("The whole page.", *_IMAGES),
     openapi_extra=PREFER,
     dependencies=[known_parts(MosaicImageForm)],
     form_limits={"max_files": mosaic.MOST_FILES},
@@ -189,7 +204,7 @@ async def mosaic_to_image(
     operation_id="mosaic_to_pdf",
     tags=["mosaic"],
     response_class=Response,
-    responses=_file("The whole page as a PDF.", "application/pdf", more=(_OVERLAP,)),
+    responses=_joined("The whole page as a PDF.", "application/pdf"),
     openapi_extra=PREFER,
     dependencies=[known_parts(MosaicPdfForm)],
     form_limits={"max_files": mosaic.MOST_FILES},

@@ -31,6 +31,10 @@ _OF_UPLOAD = {
     "Upload-Offset": {"description": "Bytes that have come.", **_INTEGER},
     "Upload-Length": {"description": "Bytes of the whole file.", **_INTEGER},
     "Upload-Expires": {"description": "When the upload is deleted.", **_STRING},
+    "Upload-Metadata": {
+        "description": "`filename` and the name of the file in base64; absent without one.",
+        **_STRING,
+    },
 }
 _VERSIONED = {
     "parameters": [
@@ -165,6 +169,10 @@ async def delete_upload(request: Request, state: State, id: str) -> Response:
 
 async def own_upload(request: Request, state: AppState, upload_id: str) -> StoredUpload:
     """An upload of the caller. Raises `UploadNotFound`, also where another key has it."""
+    if "/" in upload_id:
+        raise UploadNotFound(
+            f"{upload_id!r} is no id of an upload: send the id alone, without its path", upload_id
+        )
     upload = await state.uploads.find(upload_id)
     if not caller_of(request).sees(upload.owner):
         raise UploadNotFound(f"there is no upload {upload_id!r}, or no longer", upload_id)

@@ -6,6 +6,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.schemas.layout_models import Health, NameInBody
+from app.schemas.options import Written
 from services.contract.answers.page import Answer
 from services.contract.bounded_patterns import LONGEST_PATTERN, UnboundedPattern, compile_bounded
 from services.contract.fields import MOST_FIELDS, DateOrder, DecimalSign, FieldSetting, FieldType
@@ -13,8 +14,9 @@ from services.contract.html import HtmlElement
 from services.contract.layout import LONGEST_LABEL
 from services.contract.layout_learning import Learner
 
-Region = Annotated[str, Field(pattern="^[A-Z]{2}$")]
-Language = Annotated[str, Field(pattern="^[a-z]{2,3}$")]
+Region = Annotated[str, Written("^[A-Z]{2}$", "two capitals, as US")]
+Language = Annotated[str, Written("^[a-z]{2,3}$", "two or three small letters, as en")]
+Currency = Annotated[str, Written("^[A-Z]{3}$", "three capitals, as EUR")]
 LabelName = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL)]
 
 
@@ -39,7 +41,7 @@ class TypedField(BaseModel):
         description="For `postal-code` and `phone`: the country (ISO 3166-1, two letters) of codes, and of numbers "
         "without a country code.",
     )
-    currency: Annotated[str, Field(pattern="^[A-Z]{3}$")] | None = Field(
+    currency: Currency | None = Field(
         default=None,
         description="For `amount`: the currency (ISO 4217) of numbers without one, and of signs of several.",
     )

@@ -1,11 +1,13 @@
 """Options that several requests have in common, and conversions of form and JSON values."""
 
 import re
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, StringConstraints
+from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StringConstraints
 from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
+from pydantic_core import CoreSchema, core_schema
 
 from services.contract import rectify
 from services.contract.cameras import CAMERA_PATTERN
@@ -42,6 +44,27 @@ def _number(value: object) -> object:
 
 def _whole(value: object) -> object:
     return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """How a text is written. A wrong one is refused with a sentence; the pattern is for the OpenAPI document."""
+
+    pattern: str
+    expected: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._checked, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {**handler(schema), "pattern": self.pattern}
+
+    def _checked(self, text: str) -> str:
+        if not re.fullmatch(self.pattern, text):
+            raise ValueError(f"expected {self.expected}")
+        return text
 
 
 def _format(value: object) -> object:
@@ -130,7 +153,15 @@ ReadText = Annotated[
 ]
 LANGUAGE_PATTERN = r"^([A-Za-z]{2,12}(_[A-Za-z]{2,12}){0,2}(\+[A-Za-z]{2,12}(_[A-Za-z]{2,12}){0,2}){0,7})?$"
 Language = Annotated[
-    Annotated[str, StringConstraints(pattern=LANGUAGE_PATTERN, max_length=120)] | Absent,
+    Annotated[
+        str,
+        StringConstraints(max_length=120),
+        Written(
+            LANGUAGE_PATTERN,
+            "1 to 8 names of languages of Tesseract, of letters and _, joined by + as eng+fra",
+        ),
+    ]
+    | Absent,
     Field(
         description="Language of the text as Tesseract names it, several joined by `+`: `eng`, `deu`, `eng+fra`. "
         "Default: the first of OCR_LANGUAGES.",
@@ -138,7 +169,14 @@ Language = Annotated[
     ),
 ]
 CameraName = Annotated[
-    Annotated[str, StringConstraints(pattern=CAMERA_PATTERN)] | Absent,
+    Annotated[
+        str,
+        Written(
+            CAMERA_PATTERN,
+            "1-100 letters (a to z), digits, spaces, dots, underscores and hyphens, no sign first, as tablet-3",
+        ),
+    ]
+    | Absent,
     Field(
         description="Name of the camera, any token: the focal length that its pages show is remembered, and used where "
         "a page does not show it. Default: make, model and size of the photo by EXIF.",

@@ -213,7 +213,7 @@ class LayoutStore:
             if name not in ready:
                 samples = await self.call(lambda store, name=name: store.sample_count(name))  # type: ignore[misc]
                 raise InvalidOption(
-                    f"models: {name} has {samples} samples and no version yet. "
+                    f"models: {name} has no version yet, only samples ({samples}). "
                     f"Create one with POST /layout/models/{name}/initialize.",
                     "models",
                 )

@@ -158,9 +158,11 @@ class PageWish:
 
 @dataclass(frozen=True, slots=True)
 class PageReading:
-    """That the text of kept pages is wanted, and in which language; None: the worker's default."""
+    """In which language kept pages are read; None: the worker's default."""
 
     language: str | None = None
+    is_wanted: bool = True
+    """False: the text is not wanted, and the language need only be one that is installed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,9 @@ from services.imaging.illumination import (
     small_background,
 )
 
+TINTS_OF_LIGHT = (1.25, 1.5)
+"""Ratio of paper's strongest to its weakest channel: the largest that white balance may leave, and the least of
+coloured paper. Lamps that a phone does not correct leave 1.1 to 1.3; pink and blue forms have 1.3 to 2."""
 _NEIGHBOURS = tuple((rows, columns) for rows in range(3) for columns in range(3))
 
 
@@ -119,6 +122,14 @@ def measure_levels(image: RgbImage) -> Levels | None:
     ink = _level_ink(strongest, is_ink * is_neutral, printed, parameters)
     ink = np.asarray(cv2.resize(ink, paper.shape[::-1], interpolation=cv2.INTER_LINEAR), dtype=np.float32)
     return Levels(paper, ink, is_accepted)
+
+
+def neutral_gains(paper: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Gains (3,) that make paper of this colour (3,) neutral, as far as its tint may come from the light."""
+    gains = paper.max() / np.maximum(paper, 1.0)
+    least, most = TINTS_OF_LIGHT
+    share = np.clip((most - gains.max()) / (most - least), 0, 1)
+    return np.asarray(gains**share, np.float32)
 
 
 def _tile_shares(

@@ -11,6 +11,7 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import to_resized
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
+from services.imaging.node_grid import MAX_REDUCTION, between_nodes, continuous_nodes, node_grid
 from services.imaging.paper import PaperParameters, model_paper
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
@@ -97,7 +98,9 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
     for photo in placed:
         flat = photo.placement.to_flat(grid)
         shown = np.flatnonzero(is_shown(photo.flat, flat))
-        at = photo.flat.to_photo(flat[shown])
+        at = _in_photo(photo, columns, rows, width / columns, height / rows)[shown]
+        beyond = np.isnan(at).any(axis=1)  # next to where the sheet's model ends
+        at[beyond] = photo.flat.to_photo(flat[shown[beyond]])
         view = np.zeros((len(grid), 3), np.uint8)
         view[shown] = _colours(photo.flat.photo, at, p)
         views.append(view.reshape(rows, columns, 3))
@@ -107,6 +110,17 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
     seen = (votes[0] > 0).reshape(rows, columns)
     paper = np.asarray(seen & (votes[1] >= votes[0]).reshape(rows, columns))
     return PageCells(seen, paper, tuple(views))
+
+
+def _in_photo(photo: PlacedPhoto, columns: int, rows: int, across: float, down: float) -> Points:
+    """Photo pixels (rows * columns, 2) of cells of `across` x `down` mosaic pixels; NaN next to where there are none.
+
+    Exact at the nodes of a grid: between them the map bends by less than a cell.
+    """
+    nodes, shape = node_grid(0, 0, columns, rows)
+    seen = photo.to_photo((nodes + 0.5) * (across, down) - 0.5).reshape(*shape, 2)
+    seen[~continuous_nodes(seen, MAX_REDUCTION * max(across, down))] = np.nan
+    return between_nodes(seen.astype(np.float32), columns, rows).reshape(-1, 2).astype(np.float64)
 
 
 def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:

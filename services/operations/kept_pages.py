@@ -28,7 +28,7 @@ from services.imaging.normalization import normalize_illumination
 from services.imaging.page_files import PagePart
 from services.imaging.page_images import page_picture
 from services.imaging.square_pixels import square_pixels
-from services.operations.kept_text import ShownPart, keep_text, kept_text, shown_part, text_of
+from services.operations.kept_text import ShownPart, keep_text, kept_text, shown_part, text_of, wanted_reading
 from services.operations.page_bundle import PageBundle, open_bundle
 from services.operations.page_reading import READING_CUT
 from services.operations.pages_reply import (
@@ -63,8 +63,10 @@ def render_kept_page(
     Raises
     ------
     InvalidOption
-        When the corners are those of no sheet in its photo, or `encoding` is not possible.
+        When the corners are those of no sheet in its photo, `encoding` is not possible, or the language is not
+        installed.
     """
+    reading = wanted_reading(reading)
     timings_ms: dict[str, float] = {}
     bundle = open_bundle(kept.bundle)
     if wish.corners is not None:
@@ -85,7 +87,13 @@ def bind_kept_pages(
     """One file of kept pages, each as it was last answered; with `reading`, with their texts.
 
     A page whose text is kept is not read again.
+
+    Raises
+    ------
+    InvalidOption
+        When the language is not installed.
     """
+    reading = wanted_reading(reading)
     timings_ms: dict[str, float] = {}
     encoded: list[EncodedPage] = []
     target = choose_target(encoding, SourceFacts(pages[0].document["format"], None, None), len(pages))

@@ -11,7 +11,7 @@ from services.arrays import RgbImage
 from services.contract.kept_pages import KeptPageJson, PageReading, ReadTextJson
 from services.contract.rectify import Crop
 from services.ocr.engine import Word
-from services.operations.page_reading import read_flat_page, reading_engine
+from services.operations.page_reading import check_installed, read_flat_page, reading_engine
 from services.operations.replies import to_json_ready
 from services.text.page_text import PageText, ReadLine, TextBlock
 from services.text.photo_places import locate_boxes
@@ -40,6 +40,20 @@ def keep_text(document: KeptPageJson, part: ShownPart, text: PageText) -> None:
     """Put the text of a view of `part` into the document of a kept page; places in the photo are found again."""
     read = cast(ReadTextJson, to_json_ready(asdict(replace(text, places=()))))
     document["text"] = {"part": asdict(part), "read": read}
+
+
+def wanted_reading(reading: PageReading | None) -> PageReading | None:
+    """The reading, where the text is wanted.
+
+    Raises
+    ------
+    InvalidOption
+        When nothing is read, and its language is not installed.
+    """
+    if reading is None or reading.is_wanted:
+        return reading
+    check_installed(reading.language)
+    return None
 
 
 def kept_text(document: KeptPageJson, part: ShownPart, reading: PageReading) -> PageText | None:

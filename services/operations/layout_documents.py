@@ -30,6 +30,7 @@ from services.layout.recognition.documents import (
     recognize_document,
 )
 from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel
+from services.layout.recognition.results import Recognition
 from services.layout.recognition.stack import StackParts, part_stack
 from services.notices import Notice
 from services.operations.kept_picture import encode_kept_picture
@@ -126,13 +127,15 @@ def _recognize_pages(
             seen.append(_measure(source, options, settings))
     report_progress("matching", MATCHING_BEGINS)
     if not options.split:
-        return _recognize_document(seen, versions, models, options, settings, timings_ms)
+        return _recognize_document(seen, versions, models, options, settings, timings_ms, ())
     with timed("beginnings", timings_ms):
         names = content_features(settings.content_features).names
-        parts = part_stack([page.measured.page for page in seen], versions, names, DocumentParameters())
+        pages = [page.measured.page for page in seen]
+        parts = part_stack(pages, versions, names, _document_parameters(options))
     documents = []
     for begin, end in pairwise((*parts.beginnings, len(seen))):
-        reply = _recognize_document(seen[begin:end], versions, models, options, settings, timings_ms)
+        matched = parts.matched[begin:end]
+        reply = _recognize_document(seen[begin:end], versions, models, options, settings, timings_ms, matched)
         reply.answer.warnings += describe_warnings(_unsure(parts, begin, end))
         documents.append(reply)
     return StackReply(documents)
@@ -168,6 +171,10 @@ def _check_format(options: LayoutOptions, pages: int) -> None:
     )
 
 
+def _document_parameters(options: LayoutOptions) -> DocumentParameters:
+    return DocumentParameters(recognition=RecognitionParameters(explain=options.explain))
+
+
 def _recognize_document(
     seen: Sequence[_SeenPage],
     versions: Sequence[VersionedModel],
@@ -175,17 +182,15 @@ def _recognize_document(
     options: LayoutOptions,
     settings: LayoutSettings,
     before_ms: dict[str, float],
+    matched: Sequence[Recognition],
 ) -> DocumentReply:
-    """The reply about one document; `before_ms` are timings of what was done for all pages."""
+    """The reply about one document: `before_ms` and `matched` are of what was done for all pages."""
     timings_ms = dict(before_ms)
     features = content_features(settings.content_features)
-    parameters = RecognitionParameters(explain=options.explain)
+    parameters = _document_parameters(options)
     with timed("matching", timings_ms):
         recognition = recognize_document(
-            [page.measured.page for page in seen],
-            versions,
-            features.names,
-            DocumentParameters(recognition=parameters),
+            [page.measured.page for page in seen], versions, features.names, parameters, matched=matched
         )
         recognition = replace(
             recognition,
@@ -193,7 +198,7 @@ def _recognize_document(
                 replace(
                     placed,
                     recognition=complete_recognition(
-                        page.measured.fine, placed.recognition, versions, parameters, features
+                        page.measured.fine, placed.recognition, versions, parameters.recognition, features
                     ),
                 )
                 for placed, page in zip(recognition.pages, seen, strict=True)

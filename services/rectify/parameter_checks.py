@@ -29,9 +29,10 @@ def parameters_of_page(parameters: RectifyParameters, index: int, count: int) ->
     ):
         one_for_all = not entries or (name == "rotate" and len(entries) == 1)
         if len(entries) != count and not one_for_all:
+            pages = "1 page" if count == 1 else f"{count} pages"
             raise InvalidOption(
-                f"{name}: {len(entries)} entries were sent for {count} pages; send one for each page, {unknown} where "
-                "it is to be found.",
+                f"{name}: {len(entries)} entries were sent for {pages}; send one for each page, {unknown} where it is "
+                "to be found.",
                 name,
             )
     return replace(

@@ -54,6 +54,8 @@ REACH = 0.4
 START_SKEWS_RAD = (0.0, np.pi / 2)
 """Rulings of the flat starts: across the text lines and along them."""
 START_SAMPLES = 200
+START_GAIN = 3e-3
+"""Relative gain of the cost below which a start ends: it is compared, and the best one goes on."""
 GOOD_SHARE = 0.08
 """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
 simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
@@ -282,7 +284,7 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
         return fit_surface(e.start, observed, FittingParameters(cauchy_flows=True, max_evaluations=1))
     free = replace(observed, major=thin(e.major, START_SAMPLES), minor=thin(e.minor, START_SAMPLES))
     held = replace(free, focal_deviation=min(prior.deviation, FOCAL.held_deviation))
-    soft = FittingParameters(max_evaluations=12)
+    soft = FittingParameters(max_evaluations=12, least_gain=START_GAIN)
     cauchy = replace(soft, cauchy_flows=True)
     starts = [start_surface(e.vanishing_points, prior, e.characters, skew) for skew in START_SKEWS_RAD]
     # Cauchy's loss, and a focal length near its prior, do not reach a strong bend. The soft L1 loss, and a free

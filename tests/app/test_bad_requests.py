@@ -18,6 +18,7 @@ JSON = {"Content-Type": "application/json"}
 MODELS = [
     other("an unknown model", "GET /layout/models/nobody", None, "nobody", 404),
     other("no name of a model", "GET /layout/models/.hidden", "name", "letters, digits"),
+    other("no cursor", "GET /layout/models?cursor=a/b", "cursor", "expected the cursor of the header `Link`"),
     other("version 0", f"GET {MODEL}?version=0", "version", "greater than or equal to 1"),
     other("a version that does not exist", f"GET {MODEL}?version=99", None, "99", 404),
     other("a version twice", f"GET {MODEL}?version=1&version=2", "version", "sent 2 times; send it once"),
@@ -78,7 +79,7 @@ SAMPLES = [
         json={"width": 1, "height": 1, "zones": []}),
     other("a bad image of a sample", f"POST {MODEL}/samples", "image", "scripted", 422, "undecodable-image",
         files={"image": ("a.jpg", upload("undecodable-image")), "zones": ("z.json", b"{}")}),
-    other("an empty key", f"POST {MODEL}/samples", "idempotency-key", "at least 1 character", json=PAGE,
+    other("an empty key", f"POST {MODEL}/samples", "Idempotency-Key", "at least 1 character", json=PAGE,
         headers={"Idempotency-Key": ""}),
     other("an unknown sample", f"GET {MODEL}/samples/1", None, "1", 404),
     other("deletion of an unknown sample", f"DELETE {MODEL}/samples/1", None, "1", 404),

@@ -174,6 +174,7 @@ def test_reading_a_page_changes_nothing_that_was_said(client: httpx.Client) -> N
     assert (small["width"], small["orientation"]["rotation_deg"]) == (20, 90)
     assert client.get(path, headers=ALICE).json()["width"] == turned["width"] == 60
     assert_problem(render(client, path, text=True, language="xx1"), 422, "invalid-option")
+    assert_problem(render(client, path, language="nolanguage"), 422, "invalid-option")
     bound = {"pages": [path.removeprefix("/pages/")], "format": "txt", "language": "nolanguage"}
     assert_problem(client.post("/pages/bind", json=bound, headers=ALICE), 422, "invalid-option")
 
@@ -239,7 +240,8 @@ def test_nothing_is_left_of_a_deleted_page(client: httpx.Client, folder: Path) -
     before = files_in(folder)
     path = keep(client)
     assert len(files_in(folder)) == len(before) + 1
-    assert client.delete(path, headers=ALICE).status_code == 204
+    deleted = client.delete(path, headers=ALICE)
+    assert (deleted.status_code, deleted.headers.get("content-type")) == (204, None)
     assert files_in(folder) == before
     for method, gone in (("GET", path), ("GET", f"{path}/photo"), ("DELETE", path)):
         assert_problem(client.request(method, gone, headers=ALICE), 404, "not-found")

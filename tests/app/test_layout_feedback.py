@@ -325,7 +325,7 @@ def test_a_document_of_several_pages_is_corrected_page_by_page(client: httpx.Cli
 def test_a_key_must_be_one(shared: tuple[httpx.Client, str]) -> None:
     client, result = shared
     problem = assert_problem(give(client, result, {"labels": {}}, "k" * 201), 422, "invalid-option")
-    assert problem["field"] == "idempotency-key"
+    assert problem["field"] == "Idempotency-Key"
 
 
 @pytest.mark.parametrize(

@@ -156,7 +156,7 @@ def test_imports_have_a_limit_of_their_own() -> None:
 
 def test_a_class_is_made_of_its_samples(client: httpx.Client) -> None:
     add_samples(client, labelled("sender", None, "body", "body"), labelled("sender", "date"))
-    assert "2 samples and no version yet" in client.get("/layout/models/letter").json()["detail"]
+    assert "no version yet, only samples (2)" in client.get("/layout/models/letter").json()["detail"]
     response = client.post("/layout/models/letter/initialize")
     assert (response.status_code, response.headers["etag"]) == (200, '"1"')
     assert response.json() == {

@@ -1,6 +1,7 @@
 """The OpenAPI document: complete, without double names, and what it says of single fields is so."""
 
 import json
+import re
 from collections.abc import Iterator
 from functools import cache
 from typing import Any
@@ -256,11 +257,51 @@ def test_every_kind_of_surface_is_documented_and_told_by_its_type() -> None:
 
 
 def test_the_headers_of_images_are_documented() -> None:
-    for path, own in (("/rectify", "Document-Kind"), ("/mosaic", "Document-Unplaced")):
-        headers = described()["paths"][path]["post"]["responses"]["200"]["headers"]
-        pages = ["Document-Pages", "Document-Advice", "Document-Failed"] if path == "/rectify" else []
-        common = ["Document-Rotation", "Document-Warnings", "Document-Page-Id", "Server-Timing"]
-        assert list(headers) == [own, *common, *pages]
+    pages = ["Document-Pages", "Document-Advice", "Document-Failed"]
+    common = [
+        "Content-Disposition",
+        "Document-Rotation",
+        "Document-Warnings",
+        "Document-Page-Id",
+        "Server-Timing",
+    ]
+    of_rectify = (
+        "/rectify",
+        "/rectify/image",
+        "/rectify/pdf",
+        "/rectify/text",
+        "/pages/{id}/render",
+        "/pages/bind",
+    )
+    for path in of_rectify:
+        assert list(headers_of(path)) == ["Document-Kind", *common, *pages]
+    for path in ("/mosaic", "/mosaic/image", "/mosaic/pdf"):
+        assert list(headers_of(path)) == ["Document-Unplaced", *common]
+
+
+def headers_of(path: str) -> dict[str, Any]:
+    headers: dict[str, Any] = described()["paths"][path]["post"]["responses"]["200"]["headers"]
+    return headers
+
+
+def test_the_result_of_a_job_may_be_that_of_every_operation_that_makes_one() -> None:
+    makes_jobs = [
+        operation["responses"]["200"]["content"]
+        for _, operation in operations_of(described())
+        if "202" in operation["responses"]
+    ]
+    assert len(makes_jobs) > 10
+    result = described()["paths"]["/jobs/{id}/result"]["get"]["responses"]["200"]["content"]
+    assert {media_type for content in makes_jobs for media_type in content} <= {
+        *result,
+        "application/octet-stream",
+    }
+    named = re.findall(r"#/components/schemas/\w+", json.dumps(result["application/json"]))
+    for content in makes_jobs:
+        told = re.findall(
+            r"#/components/schemas/\w+", json.dumps(content.get("application/json", {}).get("schema"))
+        )
+        assert set(told) <= set(named)
 
 
 # A long text of a pattern takes a while to be drawn, on a busy machine longer than hypothesis likes: no fault of ours.

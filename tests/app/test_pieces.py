@@ -286,6 +286,8 @@ def test_what_cannot_be_used_is_refused(client: httpx.Client) -> None:
     path = begun(client, 20)
     unfinished = client.post("/rectify", data={"upload": path.removeprefix("/uploads/")})
     assert assert_problem(unfinished, 422, "invalid-option")["field"] == "upload"
+    whole_path = client.post("/rectify", data={"upload": path})
+    assert "the id alone" in str(assert_problem(whole_path, 404, "not-found")["detail"])
     file = client.post("/rectify", files={"upload": ("a", b"x")})
     assert assert_problem(file, 422, "invalid-option")["field"] == "upload"
     assert (
@@ -302,10 +304,10 @@ def test_what_cannot_be_used_is_refused(client: httpx.Client) -> None:
         client.patch(path, headers=TUS | {"Upload-Offset": "0"}, content=b"x"), 415, "unsupported-media-type"
     )
     unplaced = client.patch(path, headers=PIECE, content=b"x")
-    assert assert_problem(unplaced, 422, "invalid-option")["field"] == "upload-offset"
+    assert assert_problem(unplaced, 422, "invalid-option")["field"] == "Upload-Offset"
     for length in ("", "-1", "x", "1e3"):
         unknown = begin(client, 1, **{"Upload-Length": length})
-        assert assert_problem(unknown, 422, "invalid-option")["field"] == "upload-length"
+        assert assert_problem(unknown, 422, "invalid-option")["field"] == "Upload-Length"
     assert_problem(begin(client, 161 << 20), 413, "too-large")
     assert_problem(begin(client, 1, "x" * 256), 422, "invalid-option")
 

@@ -1,6 +1,7 @@
 """Every command of README.md and of the pages of docs/api/, in order, as written, against a running service.
 
-Work on photos that both of them show runs once.
+Work on photos that both of them show runs once. Commands above the answers that docs/api/ shows are those that
+`make api-answers` has run; tests/test_api_answers.py holds them to the OpenAPI document.
 """
 
 import os
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from deploy import api_tables
+from deploy.api_answers import without_answers
 from tests.end_to_end.forked import ROOT
 from tests.end_to_end.processes import PRODUCT, running
 from tests.programs import NEEDS_CURL
@@ -22,7 +24,10 @@ NOT_RUN = ("make ", "docker ")
 STRICT_CURL = 'curl() { command curl --fail-with-body --silent --show-error "$@"; }'
 
 
-TEXTS = {"README.md": (ROOT / "README.md").read_text("utf-8"), "docs/api": api_tables.reference()}
+TEXTS = {
+    "README.md": (ROOT / "README.md").read_text("utf-8"),
+    "docs/api": without_answers(api_tables.reference()),
+}
 
 
 def commands_of(text: str) -> str:

@@ -11,25 +11,30 @@ import cv2
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, Route, expect
+from playwright.sync_api import Browser, Route, expect
 
 from tests.app.scripted import MARKUP_READ
-from tests.app.scripts import upload
 from tests.end_to_end.accessibility import violations
 from tests.end_to_end.browser import NEEDS_CHROMIUM
 from tests.end_to_end.forked import ROOT
 from tests.end_to_end.page_visit import HeldRequests, chromium, visiting
 from tests.end_to_end.processes import running
+from tests.end_to_end.scan_strip import (
+    choose,
+    choose_by_keys,
+    is_lost,
+    is_ready,
+    names_of,
+    names_of_parts,
+    photo,
+    read_nothing,
+    refuse_the_first,
+    tab_to,
+)
 
 pytestmark = NEEDS_CHROMIUM
 DESKTOP = {"width": 1366, "height": 768}
 MARKUP = "<img src=x onerror=\"document.title='ran'\">"
-FOCUSED = "document.activeElement.getAttribute('aria-label') || document.activeElement.textContent.trim()"
-
-
-def photo(name: str, script: str = "") -> dict[str, object]:
-    """What the scripted service takes for a photo."""
-    return {"name": name, "mimeType": "image/jpeg", "buffer": upload(script)}
 
 
 @pytest.fixture(scope="module")
@@ -54,69 +59,6 @@ def qr_text(printed: str) -> str:
     modules = np.stack([upper, lower], axis=1).reshape(2 * len(rows), -1)
     picture = np.kron(modules, np.ones((8, 8))).astype(np.uint8) * 255
     return cv2.QRCodeDetector().detectAndDecode(picture)[0]
-
-
-def choose(page: Page, *names: str) -> None:
-    page.get_by_label("Photos").set_input_files([photo(name) for name in names])  # type: ignore[arg-type]
-
-
-def is_ready(page: Page, count: int) -> None:
-    expect(page.get_by_text(f"{count} of {count} page")).to_be_visible()
-
-
-def names_of(page: Page) -> list[str]:
-    return page.locator(".file-name").all_text_contents()
-
-
-def names_of_parts(body: str, *names: str) -> list[str]:
-    """Names of the parts of a form in their order, of those that are asked for."""
-    return [name for name in re.findall(r'form-data; name="(\w+)"', body) if name in names]
-
-
-def refuse_the_first(page: Page, path: str, problem: dict[str, object], *parts: str) -> list[list[str]]:
-    """What the page sends to `path` from now on, as `names_of_parts`; the list grows. The first one is refused."""
-    sent: list[list[str]] = []
-
-    def note(route: Route) -> None:
-        body = (route.request.post_data_buffer or b"").decode("latin1")
-        sent.append(names_of_parts(body, *parts))
-        if len(sent) == 1:
-            route.fulfill(status=int(str(problem["status"])), json=problem)
-        else:
-            route.continue_()
-
-    page.route(path, note)
-    return sent
-
-
-def tab_to(page: Page, name: str, *, back: bool = False) -> None:
-    """Go by the key Tab to the next control of this name; focus is on an element all the way."""
-    for _ in range(40):
-        page.keyboard.press("Shift+Tab" if back else "Tab")
-        if page.evaluate(FOCUSED) == name:
-            return
-    pytest.fail(f"Tab does not come to {name}, but to {page.evaluate(FOCUSED)}")
-
-
-def choose_by_keys(page: Page, *names: str) -> None:
-    """Choose photos with the keyboard alone."""
-    expect(page.get_by_role("button", name="Try an example")).to_be_visible()
-    tab_to(page, "Camera")
-    page.keyboard.press("Tab")
-    with page.expect_file_chooser() as chooser:
-        page.keyboard.press("Space")
-    chooser.value.set_files([photo(name) for name in names])  # type: ignore[arg-type]
-
-
-def read_nothing(page: Page) -> None:
-    """As with pages that cannot be read: the service is asked for nothing about ids that a test has made."""
-    problem = {"code": "timed-out", "detail": "It took too long.", "status": 504}
-    page.route("**/render", lambda route: route.fulfill(status=504, json=problem))
-
-
-def is_lost(page: Page) -> bool:
-    """Whether the focus is nowhere."""
-    return bool(page.evaluate("document.activeElement === document.body"))
 
 
 def test_the_whole_way_by_keyboard_alone(browser: Browser, scripted: str) -> None:
@@ -317,7 +259,7 @@ def test_pages_of_the_strip_are_joined_without_sending_their_photos(browser: Bro
         choose(page, "left.jpg", "right.jpg", "letter.jpg")
         is_ready(page, 3)
         refusal = {"code": "not-overlapping", "detail": "-", "status": 422}
-        mosaics = refuse_the_first(page, "**/mosaic", refusal, "kept_page", "images")
+        mosaics = refuse_the_first(page, "**/mosaic", refusal, "kept_page", "upload", "images")
         page.get_by_role("button", name="Join with next").first.click()
         joined = page.get_by_role("listitem", name="Page 3")
         expect(joined.get_by_role("alert")).to_contain_text("do not overlap enough")
@@ -331,13 +273,57 @@ def test_pages_of_the_strip_are_joined_without_sending_their_photos(browser: Bro
         first.get_by_label("Add parts").set_input_files([photo("middle.jpg")])  # type: ignore[list-item]
         expect(page.get_by_text("One page of 3 photos")).to_be_visible()
         is_ready(page, 2)
-        assert mosaics == [["kept_page"] * 2] * 2 + [["kept_page"] * 2 + ["images"]]
+        assert mosaics == [["kept_page"] * 2] * 2 + [["kept_page"] * 2 + ["upload"]]
         assert visit.count("POST /rectify") == 3
         assert not [one for one in visit.sent if one.startswith("DELETE /pages/")], "kept as long as the page"
         with page.expect_response(lambda one: one.request.method == "DELETE"):
             first.get_by_role("button", name="Remove").click()
         is_ready(page, 1)
         assert [one for one in visit.complaints if not re.search("status of (422|504)", one)] == []
+
+
+def test_each_photo_of_a_joined_page_is_sent_once(browser: Browser, scripted: str) -> None:
+    """Also where the network breaks, the service refuses the page, or it gets parts later; uploads go with the page."""
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        read_nothing(page)
+        refusal = {"code": "not-overlapping", "detail": "-", "status": 422}
+        mosaics = refuse_the_first(page, "**/mosaic", refusal, "upload", "images")
+        breaks = iter([True])
+        page.route("**/uploads/*", lambda route: route.abort() if next(breaks, False) else route.continue_())
+        page.get_by_label("Each photo shows").select_option(label="a part of one large page")
+        choose(page, "left.jpg", "right.jpg")
+        expect(page.get_by_role("alert")).to_contain_text("no connection to the service")
+        page.evaluate("dispatchEvent(new Event('online'))")
+        expect(page.get_by_role("alert")).to_contain_text("do not overlap enough")
+        page.get_by_role("button", name="Try again").click()
+        is_ready(page, 1)
+        page.get_by_label("Add parts").set_input_files([photo("middle.jpg")])  # type: ignore[list-item]
+        expect(page.get_by_text("One page of 3 photos")).to_be_visible()
+        is_ready(page, 1)
+        assert mosaics == [["upload"] * 2] * 2 + [["upload"] * 3]
+        pieces = [one for one in visit.sent if one.startswith("PATCH /uploads/")]
+        assert visit.count("POST /uploads") == 3
+        assert len(pieces) == 3 + 1, "the first one was sent again"
+        with page.expect_response(
+            lambda one: one.request.method == "DELETE" and pieces[-1].endswith(one.url[-26:])
+        ):
+            page.get_by_role("button", name="Remove").click()
+        assert {one.replace("PATCH", "DELETE") for one in pieces} <= set(visit.sent)
+
+
+def test_a_joined_page_is_sent_as_files_where_no_upload_is_kept(browser: Browser, scripted: str) -> None:
+    with visiting(browser, scripted) as visit:
+        page = visit.page
+        read_nothing(page)
+        full = {"code": "busy", "detail": "-", "status": 503}
+        page.route("**/uploads", lambda route: route.fulfill(status=503, json=full))
+        page.get_by_label("Each photo shows").select_option(label="a part of one large page")
+        with page.expect_request("**/mosaic") as request:
+            choose(page, "left.jpg", "right.jpg")
+        is_ready(page, 1)
+        sent = (request.value.post_data_buffer or b"").decode("latin1")
+        assert names_of_parts(sent, "upload", "images") == ["images"] * 2
 
 
 def test_photos_that_the_service_no_longer_keeps_are_sent(browser: Browser, scripted: str) -> None:

@@ -39,10 +39,15 @@ export class Kept {
     Object.assign(this, { pages, canRead: true, atOnce: 1, busy: 0, ahead: 0, changes: new Map(), readings: new Map(), ends: new Map() });
   }
 
-  /** Answers again about a page. The request ends with the page: it would be about nothing. */
-  answer(page, body) {
+  /** A signal for requests that end with the page: they would be about nothing. */
+  endOf(page) {
     if (!this.ends.has(page.key)) this.ends.set(page.key, new AbortController());
-    return post(`pages/${page.id}/render`, body, {}, this.ends.get(page.key).signal);
+    return this.ends.get(page.key).signal;
+  }
+
+  /** Answers again about a page. */
+  answer(page, body) {
+    return post(`pages/${page.id}/render`, body, {}, this.endOf(page));
   }
 
   /**
@@ -143,18 +148,22 @@ export class Kept {
 
   /** Deletes a page, here and in the service. */
   async remove(page) {
-    const { id, job, ids } = page;
+    const { id, job, parts } = page;
     this.ends.get(page.key)?.abort();
     this.ends.delete(page.key);
     await this.pages.remove(page);
-    const used = this.pages.list.flatMap((one) => [one.id, ...(one.ids ?? [])]);
-    await this.forget((ids ?? []).filter((one) => !used.includes(one)).map((one) => ({ page_id: one })));
+    const used = this.pages.list.flatMap((one) => [`pages/${one.id}`, ...(one.parts ?? [])]);
+    await this.forgetPaths((parts ?? []).filter((part) => !used.includes(part)));
     if (id) await this.forget([{ page_id: id }]);
-    else if (job) await request("DELETE", `jobs/${job.id}`).catch(() => {});
+    else if (job) await this.forgetPaths([`jobs/${job.id}`]);
   }
 
   /** Deletes the kept pages of answers. */
-  async forget(results) {
-    for (const { page_id: id } of results) if (id) await request("DELETE", `pages/${id}`).catch(() => {});
+  forget(results) {
+    return this.forgetPaths(results.map(({ page_id: id }) => id && `pages/${id}`));
+  }
+
+  async forgetPaths(paths) {
+    for (const path of paths) if (path) await request("DELETE", path).catch(() => {});
   }
 }

@@ -10,8 +10,8 @@ const newKey = () => Array.from(crypto.getRandomValues(new Uint32Array(4)), (par
 /** The key of the files of a page: its own, or that of the page that came of the same file before. */
 export const filesKeyOf = (page) => page.filesKey ?? page.key;
 
-/** Ids of the kept photos of a page, null for those that the service does not keep. */
-const photoIdsOf = (page) => (page.kind === "joined" ? (page.ids ?? page.names.map(() => null)) : [page.id]);
+/** What the service has of each photo of a page: paths, null for those that it does not have. */
+const partsOf = (page) => (page.kind === "joined" ? page.parts : [page.id && `pages/${page.id}`]);
 
 /**
  * A page is an object of
@@ -22,8 +22,8 @@ const photoIdsOf = (page) => (page.kind === "joined" ? (page.ids ?? page.names.m
  *   its number in the answer about the file; `filesKey`: the key of its files, which all pages of a file share,
  * - `given`: the corners that a person gave last, "auto" where they were found again,
  * - `id` of the kept page, `picture` (a Blob), `facts` and `look`, once it is flat; `readIn`: the language of its text,
- * - `ids`: of a joined page, those of its photos as of `photoIdsOf`; `sources`: keys of the pages that it is joined of,
- *   until it is flat,
+ * - `parts`: of a joined page, what the service has of each of its photos: "pages/ID", "uploads/ID" or null; `sources`:
+ *   keys of the pages that it is joined of, until it is flat,
  * - `isChanging` while another picture of it is on its way, `turns`: quarter turns that its picture does not show yet
  *   (neither is stored).
  *
@@ -41,7 +41,8 @@ export class Pages extends EventTarget {
   /** Takes up what the browser has stored: what was under way goes on, or begins again. */
   async load() {
     this.settings = { ...SETTINGS, ...(await storedSettings()) };
-    const stored = (await storedPages()).map((page) => ({ ...page, state: page.state === "working" ? "waiting" : page.state }));
+    const isHeld = (page) => page.state === "working";
+    const stored = (await storedPages()).map((page) => ({ parts: page.names.map(() => null), ...page, ...(isHeld(page) && { state: "waiting" }) }));
     const own = new Map(this.list.map((page) => [page.key, page])); // what is under way goes on with the same object
     this.list = stored.map((page) => Object.assign(own.get(page.key) ?? {}, page)).sort((a, b) => a.place - b.place);
   }
@@ -62,7 +63,7 @@ export class Pages extends EventTarget {
     const kind = this.settings.photos;
     const groups = kind === "joined" ? [files] : files.map((file) => [file]);
     for (const group of groups) {
-      const page = this.newPage({ kind, names: group.map((file) => file.name) });
+      const page = this.newPage({ kind, names: group.map((file) => file.name), parts: group.map(() => null) });
       this.list.push(page);
       await storeFiles(page.key, group);
       await storePage(page);
@@ -74,8 +75,8 @@ export class Pages extends EventTarget {
   async addTo(page, files) {
     const all = [...(await filesOf(filesKeyOf(page))), ...files];
     await storeFiles(filesKeyOf(page), all);
-    const ids = [...photoIdsOf(page), ...files.map(() => null)];
-    this.update(page, { ids, names: all.map((file) => file.name), state: "waiting", problem: null, id: null, job: null });
+    const parts = [...page.parts, ...files.map(() => null)];
+    this.update(page, { parts, names: all.map((file) => file.name), state: "waiting", problem: null, id: null, job: null });
   }
 
   /** Adds one page that is joined of two, behind them. They go when it is flat, so that nothing is lost if it fails. */
@@ -85,7 +86,7 @@ export class Pages extends EventTarget {
     await storeFiles(key, (await Promise.all(both.map((one) => filesOf(filesKeyOf(one))))).flat());
     const names = both.flatMap((one) => one.names);
     const sources = both.map((one) => one.key);
-    return this.insertAfter(other, { key, kind: "joined", names, look: page.look, ids: both.flatMap(photoIdsOf), sources });
+    return this.insertAfter(other, { key, kind: "joined", names, look: page.look, parts: both.flatMap(partsOf), sources });
   }
 
   newPage(more) {

@@ -3,13 +3,15 @@
 import { begin, get, outcome, Problem } from "../service.js";
 import { SHOWN, shown } from "./kept.js";
 import { filesKeyOf } from "./pages.js";
+import { appendParts } from "./parts.js";
 import { filesOf } from "./storage.js";
 
 export const AGAIN_MS = 5000; // pause before what waits for the service is tried again
 const LATER = ["busy", "not-ready", "unreachable", "too-many-requests"]; // refusals that end by themselves
 const HAS_PAGES = /\.(pdf|tiff?)$/i; // files that may hold several pages: these are numbered
 const isFlat = (result) => Boolean(result.mesh || result.patches);
-const hasKeptPhotos = (page) => Boolean(page.former || page.ids?.some(Boolean));
+const isKept = (part) => Boolean(part?.startsWith("pages/"));
+const hasKeptPhotos = (page) => Boolean(page.former || page.parts?.some(isKept));
 const KEY = ["unauthorized", "forbidden"]; // refusals that end with another key
 
 export class Work {
@@ -74,20 +76,20 @@ export class Work {
   }
 
   async formOf(page) {
-    const files = await filesOf(filesKeyOf(page));
     const form = new FormData();
-    const [name] = page.names;
-    const options = { ...SHOWN, keep_photo: "true", illumination: page.look, title: name };
-    if (page.kind !== "joined") Object.assign(options, { on_no_text: "keep", pages: page.kind === "spread" ? "both" : "main" });
-    const ids = page.kind === "joined" ? page.ids : page.former && [page.former];
-    page.names.forEach((_, index) => {
-      const isKept = ids?.[index];
-      if (!isKept && !files[index]) throw new Problem({ code: "photo-gone" });
-      if (isKept) form.append("kept_page", ids[index]);
-      else form.append(page.kind === "joined" ? "images" : "image", files[index], files[index].name);
-    });
+    const options = { ...SHOWN, keep_photo: "true", illumination: page.look, title: page.names[0] };
+    if (page.kind === "joined") await appendParts(form, page, this.pages, this.kept.endOf(page));
+    else Object.assign(options, { on_no_text: "keep", pages: page.kind === "spread" ? "both" : "main", ...(await this.photoOf(page)) });
     for (const [option, value] of Object.entries(options)) form.append(option, value);
     return form;
+  }
+
+  /** The option that has the photo of a page: by the id of the page before, where the service has it. */
+  async photoOf(page) {
+    if (page.former) return { kept_page: page.former };
+    const [image] = await filesOf(filesKeyOf(page));
+    if (!image) throw new Problem({ code: "photo-gone" });
+    return { image };
   }
 
   async receive(page, answer) {
@@ -109,9 +111,10 @@ export class Work {
     return former && this.kept.forget([{ page_id: former }]);
   }
 
-  /** What the service no longer keeps is sent as files. */
+  /** What the service no longer keeps is sent again. */
   sendAgain(page) {
-    this.pages.update(page, { former: null, ids: page.ids?.map(() => null) ?? null, state: "waiting" });
+    const parts = page.parts?.map((part) => (isKept(part) ? null : part));
+    this.pages.update(page, { former: null, parts, state: "waiting" });
   }
 
   /** Makes two pages of a photo that shows both pages of a book: of the photo that the service keeps. */

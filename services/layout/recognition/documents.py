@@ -124,18 +124,23 @@ def recognize_document(
     content_names: tuple[str, ...],
     parameters: DocumentParameters = DocumentParameters(),
     on_page: Callable[[int], None] = lambda index: None,
+    matched: Sequence[Recognition] = (),
 ) -> DocumentRecognition:
     """Class of a document and labels of the zones of its pages, which carry their content features.
 
     The first page is the first one that has zones: the sheet before it may be blank. Continuation models do not compete
-    for it, unless there are no others. `on_page` is called after every page that was matched.
+    for it, unless there are no others. `on_page` is called after every page that was matched. `matched` are the same
+    pages, matched with all `models` already, as in a stack.
     """
     classes = gather_classes(models)
     first = next((index for index, page in enumerate(pages) if page.zones), None)
     seen: list[Recognition] = []
     for index, page in enumerate(pages):
         competing = [each.first for each in classes.values()] if index == first else models
-        seen.append(recognize_page(page, competing, content_names, parameters.recognition))
+        if matched and len(competing) == len(models):
+            seen.append(matched[index])
+        else:
+            seen.append(recognize_page(page, competing, content_names, parameters.recognition))
         on_page(index)
     if first is None or not models:
         return DocumentRecognition(None, (), 0.0, tuple(PageInDocument(each, None, None) for each in seen))

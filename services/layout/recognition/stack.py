@@ -47,11 +47,13 @@ Likelihoods = tuple[NDArray[np.float64], NDArray[np.float64]]
 class StackParts:
     """`beginnings` are the places of the documents' first pages, from 0, ascending; the first one is 0.
 
-    `probabilities` has for every page that of beginning a document, 0-1.
+    `probabilities` has for every page that of beginning a document, 0-1; `matched` the pages as they were matched with
+    all models, empty where none were.
     """
 
     beginnings: tuple[int, ...]
     probabilities: tuple[float, ...]
+    matched: tuple[Recognition, ...] = ()
 
 
 def part_stack(
@@ -69,14 +71,15 @@ def part_stack(
         return StackParts((0,), (1.0,) + (0.0,) * (len(pages) - 1))
     classes = list(gather_classes(models).values())
     blank = np.full(len(classes) + 1, -np.inf), np.zeros(len(classes) + 1)
-    likelihoods = []
-    for page in pages:
-        seen = recognize_page(page, models, content_names, parameters.recognition)
-        likelihoods.append(_likelihoods(seen, models, classes, parameters) if page.zones else blank)
+    matched = tuple(recognize_page(page, models, content_names, parameters.recognition) for page in pages)
+    likelihoods = [
+        _likelihoods(seen, models, classes, parameters) if seen.page.zones else blank for seen in matched
+    ]
     found = most_probable_parts(likelihoods[printed:])
     return StackParts(
         (0, *(place + printed for place in found.beginnings[1:])),
         (1.0,) + (0.0,) * printed + found.probabilities[1:],
+        matched,
     )
 
 

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from services.arrays import Mask, Points
 from services.contract.rectify import Illumination
 from services.geometry.homographies import from_resized, to_resized
-from services.imaging.levels import Levels, NormalizationParameters, level_coefficients, measure_levels
+from services.imaging.levels import (
+    Levels,
+    NormalizationParameters,
+    level_coefficients,
+    measure_levels,
+    neutral_gains,
+)
 from services.imaging.node_grid import take_values
 from services.imaging.pictures import find_pictures, levels_beside_pictures
 from services.mosaic.flat_photo import FlatPhoto
@@ -52,9 +58,6 @@ WINDOWS_CELLS = (1.5, 6.0, 24.0)
 the others are used in dark parts of pictures."""
 BRIGHTEST_PAPER = 250.0
 """Largest paper level after matching, unless the brightest photo has a larger one."""
-TINTS_OF_LIGHT = (1.25, 1.5)
-"""Ratio of paper's strongest to its weakest channel: the largest that white balance may leave, and the least of
-coloured paper. Lamps that a phone does not correct leave 1.1 to 1.3; pink and blue forms have 1.3 to 2."""
 MAP_LONG_SIDE = 400
 """Long side of a tone map with levels. The levels are measured at this size, and follow a shadow's edge."""
 GRAY_PAPER = 230.0
@@ -191,11 +194,7 @@ def _with_neutral_paper(lights: MatchedLight) -> MatchedLight:
     bright = bright_parts(lights.page)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
     if not bright.any():
         return lights
-    paper = np.median(lights.page[::CELL_PX, ::CELL_PX][bright], axis=0)
-    gains = paper.max() / np.maximum(paper, 1.0)
-    least, most = TINTS_OF_LIGHT
-    share = np.clip((most - gains.max()) / (most - least), 0, 1)
-    gains = (gains**share).astype(np.float32)
+    gains = neutral_gains(np.median(lights.page[::CELL_PX, ::CELL_PX][bright], axis=0))
     return replace(lights, fields=tuple(field * gains for field in lights.fields), page=lights.page * gains)
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from services.arrays import Points, RgbImage
 from services.geometry.homographies import from_resized
@@ -27,12 +28,27 @@ from services.sheet.outline.edges import (
     follow_edge,
     measure_closed_edge,
     measure_sides,
+    resample_closed,
 )
 from services.sheet.outline.print_place import place_print
 from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
-from services.sheet.outline.results import CERTAIN_CONFIDENCE, LEAST_CONFIDENCE, SheetOutline, SheetSide
+from services.sheet.outline.results import (
+    BELIEVED_CONFIDENCE,
+    CERTAIN_CONFIDENCE,
+    LEAST_CONFIDENCE,
+    SheetOutline,
+    SheetSide,
+)
 from services.sheet.outline.scoring import rate_curve, rate_outline
 from services.sheet.outline.smooth_sides import smooth_sides
+
+SAME_PX = 2.0
+"""Pixels of the reduced photo. Where a curve is not further from a better one it is followed to the same edge, which is
+sought that far to either side ..."""
+SAME_SHARE = 0.9
+"""... and where this share of it is, and nothing is four times as far off, a believed outline is the better one."""
+DENSER = 8
+"""Points of a curve that others are compared with, for each of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +109,13 @@ def find_outline(
         return None
     medium = medium_photo(halves)
     best: SheetOutline | None = None
+    found: list[cKDTree] = []
     for candidate in sought:
+        if any(_is_same(candidate, known) for known in found):
+            continue
         outline = measure_candidate(halves.image, reduced, medium, candidate, p)
+        if outline is not None and outline.confidence >= BELIEVED_CONFIDENCE:
+            found.append(cKDTree(resample_closed(candidate.curve, DENSER * len(candidate.curve))))
         if outline is not None and (best is None or outline.confidence > best.confidence):
             best = outline
         if best is not None and best.confidence >= CERTAIN_CONFIDENCE:
@@ -102,6 +123,12 @@ def find_outline(
     if best is None or best.confidence < LEAST_CONFIDENCE:
         return None
     return end_before_cut_corners(best)
+
+
+def _is_same(candidate: Candidate, known: cKDTree) -> bool:
+    """Whether a candidate runs along a curve that was measured, of which there are dense points."""
+    apart = known.query(candidate.curve)[0]
+    return bool(np.quantile(apart, SAME_SHARE) <= SAME_PX and apart.max() <= 4 * SAME_PX)
 
 
 def measure_candidate(

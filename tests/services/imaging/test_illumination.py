@@ -169,6 +169,12 @@ def take_colour_photo(
     return np.repeat(np.rint(level).astype(np.uint8)[..., None], 3, axis=2)
 
 
+def tinted_photo(tint: tuple[float, float, float]) -> NDArray[np.uint8]:
+    """A page (1400, 1000, 3), brighter in its middle, whose paper has this colour."""
+    light = gain_field("vignette", 1400, 1000)[..., None] * np.array(tint)
+    return np.rint(PAPER * set_page(1400, 1000)[..., None] * light).astype(np.uint8)
+
+
 @pytest.mark.parametrize("kind", ["even", "slope", "vignette", "lamp", "shadow"])
 @pytest.mark.parametrize("haze", [0.0, 0.3])
 def test_normalized_page_is_dark_on_white_everywhere(kind: str, haze: float) -> None:
@@ -218,13 +224,22 @@ def test_coloured_ink_stays_coloured(ink: tuple[int, int, int], strong: int, wea
     assert np.percentile(result[page == 1.0], 5) > 235
 
 
-def test_tint_of_the_paper_is_kept() -> None:
-    page = set_page(1400, 1000)
-    light = gain_field("vignette", 1400, 1000)[..., None] * np.array([1.0, 0.95, 0.8])
-    photo = np.rint(PAPER * page[..., None] * light).astype(np.uint8)
-    paper = normalize_illumination(photo)[page == 1.0].astype(float)
-    assert np.median(paper[:, 2] / paper[:, 1]) == pytest.approx(0.8 / 0.95, abs=0.03)
+def test_coloured_paper_keeps_its_colour() -> None:
+    paper = normalize_illumination(tinted_photo((1.0, 0.95, 0.6)))[set_page(1400, 1000) == 1.0].astype(float)
+    assert np.median(paper[:, 2] / paper[:, 1]) == pytest.approx(0.6 / 0.95, abs=0.03)
     assert np.percentile(paper[:, 1], 5) > 235
+
+
+@pytest.mark.parametrize("tint", [(1.0, 0.95, 0.82), (0.92, 1.0, 0.9), (0.85, 0.93, 1.0)])
+def test_a_tint_of_the_light_goes_and_ink_stays_as_dark_as_on_white_paper(
+    tint: tuple[float, float, float],
+) -> None:
+    page = set_page(1400, 1000)
+    result = normalize_illumination(tinted_photo(tint)).astype(int)
+    white = normalize_illumination(tinted_photo((1.0, 1.0, 1.0))).astype(int)
+    assert np.ptp(np.median(result[page == 1.0], axis=0)) <= 3
+    assert np.percentile(result[page == 1.0], 5) > 235
+    assert abs(np.median(result[page < 0.12]) - np.median(white[page < 0.12])) < 6
 
 
 @pytest.mark.parametrize("kind", ["even", "slope"])

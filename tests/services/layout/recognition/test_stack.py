@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, content_features, initialize_model
-from services.layout.recognition.documents import DocumentParameters
+from services.layout.recognition.documents import DocumentParameters, recognize_document
 from services.layout.recognition.stack import Likelihoods, StackParts, most_probable_parts, part_stack
 from simulation.labelled_pages import DocumentKind, document_pages
 from tests.services.layout.samples import page_from
@@ -123,6 +123,26 @@ def test_middle_pages_begin_nothing_where_all_samples_were_last_ones() -> None:
     letters = [document(seed, "letter", 3) for seed in range(4)]
     found = part([page for letter in letters for page in letter], models)
     assert found.beginnings == (0, 3, 6, 9)
+
+
+@pytest.mark.parametrize("with_later", [True, False], ids=["later models", "first models alone"])
+def test_a_document_of_a_stack_is_recognized_as_if_it_came_alone(
+    models: list[VersionedModel], with_later: bool
+) -> None:
+    """What was matched for the beginnings is not matched again, where the same models compete."""
+    known = models if with_later else [model for model in models if model.continues is None]
+    pages, names = stack()[:5], content_features().names
+    parts = part(pages, known)
+    assert parts.beginnings == (0, 1, 4)
+    again = recognize_document(pages[1:4], known, names, matched=parts.matched[1:4])
+    alone = recognize_document(pages[1:4], known, names)
+    assert again.classes == alone.classes
+    for seen, other in zip(again.pages, alone.pages, strict=True):
+        assert seen.recognition.zones == other.recognition.zones
+        assert seen.recognition.chosen == other.recognition.chosen
+    marked = [replace(each, unknown_probability=0.5) for each in parts.matched[1:4]]
+    found = recognize_document(pages[1:4], known, names, matched=marked).pages
+    assert [page.recognition.unknown_probability == 0.5 for page in found] == [not with_later, True, True]
 
 
 def test_blank_pages_begin_nothing(models: list[VersionedModel]) -> None:
