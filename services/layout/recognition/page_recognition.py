@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.graph.layout_graph import MOST_NEIGHBOURS, LayoutGraph, build_graph
+from services.layout.graph.zone_words import key_zones
 from services.layout.matching import (
     MatchingParameters,
     backbone_of,
@@ -18,7 +19,7 @@ from services.layout.matching import (
 )
 from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.model.compiled_model import CompiledModel, comparable_scales, compile_model
-from services.layout.model.cost import build_cost_tables, explain_cost, labelling_cost
+from services.layout.model.cost import AttributeCost, build_cost_tables, explain_cost, labelling_cost
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.recognition.classification import classify
@@ -327,5 +328,19 @@ def _report(page: Page, graph: LayoutGraph, match: _Match, explain: bool) -> Mod
         optimal=matching.optimal,
         gap=matching.gap,
         backbone={str(labels[label]): names[zone] for label, zone in sorted(match.backbone.items())},
-        explanation=explain_cost(graph, match.compiled, matching.labels, names) if explain else (),
+        explanation=_with_keys(explain_cost(graph, match.compiled, matching.labels, names), page)
+        if explain
+        else (),
     )
+
+
+def _with_keys(terms: tuple[AttributeCost, ...], page: Page) -> tuple[AttributeCost, ...]:
+    """The terms; those of a value's key tell the zone that is the key of the value."""
+    place = {zone.id: index for index, zone in enumerate(page.zones)}
+    keys = key_zones(page)
+
+    def with_key(term: AttributeCost) -> AttributeCost:
+        key = keys[place[term.zone]].get(term.attribute)
+        return term if key is None else replace(term, other=page.zones[key].id)
+
+    return tuple(map(with_key, terms))
