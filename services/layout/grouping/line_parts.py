@@ -39,7 +39,8 @@ _MAY_BE = 2.0
 
 
 SINGLE = 2.5
-"""Log odds of one zone a page against any larger number: that of three samples with one each, none with more."""
+"""Log odds of one zone a page against any larger number: one sample of twelve may have had two, or a sample whose total
+segmentation divided would end it."""
 
 
 _GAP = next(relation for relation in RELATIONS if relation.name == "gap-along")
