@@ -203,5 +203,7 @@ if __name__ == "__main__":
     answers, options = answer_schemas(), option_schemas()
     PYTHON.write_text(python_of(answers, options), encoding="utf-8")
     if not OPENAPI_TYPESCRIPT.exists():
-        sys.exit("models.ts is not written: openapi-typescript is not installed (make typescript, which needs npm).")
+        sys.exit(
+            "models.ts is not written: openapi-typescript is not installed (make typescript, which needs npm)."
+        )
     TYPESCRIPT.write_text(typescript_of({**answers, **options}), encoding="utf-8")

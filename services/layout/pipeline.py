@@ -14,7 +14,7 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
 from services.layout.grouping.joining import find_groups
-from services.layout.grouping.line_parts import take_out_parts, with_single_zones
+from services.layout.grouping.line_parts import take_out_parts, with_near_zones, with_single_zones
 from services.layout.grouping.merged_zones import with_merged_doubts
 from services.layout.grouping.regrouping import regroup_page
 from services.layout.learning.initialization import initialize_model
@@ -175,6 +175,7 @@ def complete_recognition(
     if seen.chosen is not None:
         best = _chosen(seen, models)
         seen = with_single_zones(with_merged_doubts(seen, _pieces_of(best)), best.model)
+        seen = with_near_zones(seen, best.model)
     return with_believable_labels(seen, models)
 
 

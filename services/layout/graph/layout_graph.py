@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.graph.amount_features import AMOUNT_FEATURES, measure_amounts
 from services.layout.graph.edge_attributes import RELATIONS, measure_pairs, pair_zones
 from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES, describe_zones
 from services.layout.graph.section_features import SECTION_FEATURES, measure_sections
@@ -18,7 +19,7 @@ MOST_NEIGHBOURS = 40
 KIND_FEATURES = {"kind:rule": "rule", "kind:noise": "noise"}
 """Content features from the kind of a zone: rules and noise, which mostly have no label."""
 
-DERIVED_FEATURES = (*SECTION_FEATURES, *KIND_FEATURES)
+DERIVED_FEATURES = (*SECTION_FEATURES, *AMOUNT_FEATURES, *KIND_FEATURES)
 """Features that every graph has after those of its zones' content; a model made without one gives it no cost."""
 
 RELATION_OFFSETS = np.concatenate([[0], np.cumsum([len(relation.descriptors) for relation in RELATIONS])])
@@ -76,7 +77,8 @@ def build_graph(
     content = np.array(
         [[zone.content.get(name, 0.0) for name in content_names] for zone in page.zones], dtype=np.float64
     ).reshape(len(page.zones), len(content_names))
-    content = np.hstack([content, measure_sections(page, measures.boxes)])
+    amounts = measure_amounts(page, page if printed is None else printed)
+    content = np.hstack([content, measure_sections(page, measures.boxes), amounts])
     if not any(zone.content or zone.text for zone in page.zones):
         content[:] = np.nan
     kinds = np.array(

@@ -6,7 +6,7 @@ in its column, are the keys of its value: TOTAL, Date, Kunde.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from services.layout.page import Box, Page
 
-WORD_ASPECTS = ("own-words", "own-letters", "own-forms", "words-left", "words-above")
+KEY_LEFT, KEY_ABOVE = "words-left", "words-above"
+WORD_ASPECTS = ("own-words", "own-letters", "own-forms", KEY_LEFT, KEY_ABOVE)
 """What tokens are of: the zone's words, their letters, the forms of its values, the words of both neighbours."""
 
 NOTHING = "-"
@@ -101,6 +102,20 @@ def zone_tokens(page: Page, printed: Page | None = None) -> tuple[Tokens, ...]:
     )
 
 
+def key_zones(page: Page) -> tuple[Mapping[str, int], ...]:
+    """Of each zone the places of the zones that have its keys, by aspect: the next one to its left and above it.
+
+    An aspect is missing where no other zone stands there.
+    """
+    print_ = _Print.of(page)
+    found = []
+    for place, zone in enumerate(page.zones):
+        aspects = ((KEY_LEFT, print_.in_row(zone.box)), (KEY_ABOVE, print_.next_above(zone.box)))
+        keys = {aspect: print_.zones[near[0]] for aspect, near in aspects if near}
+        found.append({aspect: key for aspect, key in keys.items() if key != place})
+    return tuple(found)
+
+
 @lru_cache(maxsize=4096)  # other groupings of a page have most texts again
 def _own_tokens(text: str) -> Tokens:
     if not text.strip():
@@ -123,11 +138,15 @@ def _pieces(words: Sequence[str]) -> Iterator[str]:
 
 def _forms(text: str) -> Iterator[str]:
     """The kinds of values that a text looks like, how many words it has, and the forms of its first words."""
-    yield from (f"={name}" for name, pattern in _KINDS if pattern.search(text))
+    yield from _kinds(text)
     chunks = _CHUNK.findall(text)
     yield f"#{min(len(chunks), 8).bit_length()}"
     for chunk in chunks[:MOST_TOKENS]:
         yield _form(chunk)
+
+
+def _kinds(text: str) -> Iterator[str]:
+    return (f"={name}" for name, pattern in _KINDS if pattern.search(text))
 
 
 def _form(chunk: str) -> str:
@@ -151,44 +170,59 @@ class _Print:
 
     texts: tuple[str, ...]
     boxes: NDArray[np.float64]
+    zones: tuple[int, ...]
+    """Of each of them the place of its zone."""
 
     @classmethod
     def of(cls, page: Page) -> "_Print":
         texts: list[str] = []
         boxes: list[Box] = []
-        for zone in page.zones:
+        zones: list[int] = []
+        for place, zone in enumerate(page.zones):
             if zone.words:
                 texts += [word.text for word in zone.words]
                 boxes += [word.box for word in zone.words]
             elif zone.text.strip():
                 texts.append(zone.text[:_SEARCHED])
                 boxes.append(zone.box)
-        return cls(tuple(texts), np.array(boxes, dtype=np.float64).reshape(-1, 4))
+            zones += [place] * (len(texts) - len(zones))
+        return cls(tuple(texts), np.array(boxes, dtype=np.float64).reshape(-1, 4), tuple(zones))
 
     def left_of(self, box: Box) -> tuple[str, ...]:
         """Words in the row of a box and left of it, up to the next value: its key, if it has one there."""
-        x0, y0, x1, y1 = self.boxes.T
-        height = box[3] - box[1]
-        common = np.minimum(y1, box[3]) - np.maximum(y0, box[1])
-        in_row = (common >= _SAME_ROW * np.minimum(y1 - y0, height)) & (x1 <= box[0] + _SLACK * height)
+        x0, _, x1, _ = self.boxes.T
         words: list[str] = []
         edge = box[0]
-        for place in np.flatnonzero(in_row)[np.argsort(-x0[in_row], kind="stable")].tolist():
+        for place in self.in_row(box):
             found = _words(self.texts[place])
-            if words and (not found or edge - x1[place] > _SAME_KEY * height):
+            if words and (not found or edge - x1[place] > _SAME_KEY * (box[3] - box[1])):
                 break
             words = [*found, *words]
             edge = x0[place]
         return _first([*words, f"{words[-1]}$"]) if words else (NOTHING,)
 
     def above(self, box: Box) -> tuple[str, ...]:
-        """Words of the nearest row above a box in its column."""
+        """Words of the nearest row above a box in its column, and the kinds of values that it looks like."""
+        row = self.next_above(box)
+        if not row:
+            return (NOTHING,)
+        text = " ".join(self.texts[place].rstrip().rpartition("\n")[2] for place in row)
+        return _first((*_words(text), *_kinds(text)))
+
+    def in_row(self, box: Box) -> list[int]:
+        """Places of what stands left of a box in its row, from right to left."""
+        x0, y0, x1, y1 = self.boxes.T
+        height = box[3] - box[1]
+        common = np.minimum(y1, box[3]) - np.maximum(y0, box[1])
+        is_left = (common >= _SAME_ROW * np.minimum(y1 - y0, height)) & (x1 <= box[0] + _SLACK * height)
+        return [int(place) for place in np.flatnonzero(is_left)[np.argsort(-x0[is_left], kind="stable")]]
+
+    def next_above(self, box: Box) -> list[int]:
+        """Places of the nearest row above a box in its column, from left to right."""
         x0, _, x1, y1 = self.boxes.T
         slack = _SLACK * (box[3] - box[1])
         over = (np.minimum(x1, box[2]) - np.maximum(x0, box[0]) > 0) & (y1 <= box[1] + slack)
         if not over.any():
-            return (NOTHING,)
-        nearest = y1[over].max()
-        row = np.flatnonzero(over & (y1 >= nearest - slack))
-        texts = (self.texts[place].rstrip().rpartition("\n")[2] for place in row[np.argsort(x0[row])])
-        return _first(_words(" ".join(texts)))
+            return []
+        row = np.flatnonzero(over & (y1 >= y1[over].max() - slack))
+        return [int(place) for place in row[np.argsort(x0[row])]]

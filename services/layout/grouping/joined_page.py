@@ -55,6 +55,7 @@ def join_recognition(seen: Recognition, page: Page, groups: Groups) -> Recogniti
             max(seen.zones[place].several or 0.0 for place in group)
             if len(group) > 1
             else seen.zones[group[0]].several,
+            seen.zones[group[0]].shares if len(group) == 1 else {},
         )
         for order, (zone, group) in enumerate(zip(page.zones, groups, strict=True))
     )

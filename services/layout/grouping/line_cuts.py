@@ -4,25 +4,24 @@ import re
 from collections.abc import Sequence
 
 from services.layout.page import ZoneWord
+from services.layout.read_words import is_value
 from services.ocr.engine import Word
 
 _WIDE = 1.2
 """Space between two words, in em, that parts columns: words of a line are a third of an em apart."""
 _KEY_END = re.compile(r"[:=°º]$|^[:=]+$")
+_NUMBER = re.compile(r"\(\w{0,2}\d{4,}.*|\d{4,}-[A-Z]\)?")
+"""A word that is a number behind a name: (139386, 273500-U."""
 _THOUSANDS = re.compile(r"\(?-?\W?\d{1,3}")
 _GROUPED = re.compile(r"\d{3}(?:[.,]\d{2}\)?)?")
 """What follows thousands that a space parts from it, as in 12 345,60."""
 _OF_ONE_NUMBER = 0.45
 """Largest space between thousands, in em."""
-_VALUE = re.compile(
-    r"\d{1,4}([./-])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}(?::\d{2})?(?:[AaPp][Mm])?|\(?-?\W?\d[\d.,']*[.,]\d{2}\)?"
-)
-"""A word that is a date, a time or an amount: a value of its own."""
 
 
 def places_of_cuts(words: Sequence[Word] | Sequence[ZoneWord], em: float) -> list[int]:
     """Places of the words, from left to right, before which their line is cut; `em` is its font size in their unit."""
-    values = [bool(_VALUE.fullmatch(word.text.strip(".,;*"))) for word in words]
+    values = [is_value(word.text) or bool(_NUMBER.fullmatch(word.text.strip(".,;*"))) for word in words]
     joined = set()
     for at in range(len(words) - 1, 0, -1):
         near = words[at].box[0] - words[at - 1].box[2] < _OF_ONE_NUMBER * em

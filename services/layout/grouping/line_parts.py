@@ -8,18 +8,21 @@ samples say so.
 
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from itertools import combinations, groupby, pairwise
 
 import numpy as np
 
 from services.layout.content.content_features import ContentFeatures
+from services.layout.graph.edge_attributes import RELATIONS, measure_pairs
 from services.layout.graph.layout_graph import build_graph
+from services.layout.graph.node_attributes import describe_zones
 from services.layout.grouping.line_cuts import places_of_cuts
 from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
 from services.layout.model.layout_model import LayoutModel, ModelNode, PieceStatistics
-from services.layout.page import Zone
+from services.layout.page import Page
+from services.layout.recognition.label_evidence import zone_shares
 from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, Line, compose_with_lines
 from services.layout.segmentation.measures import SAME_ROW
@@ -35,9 +38,14 @@ _MAY_BE = 2.0
 """Log odds against a label up to which a part may have it, as for values (`recognition.label_evidence`)."""
 
 
-SINGLE = 5.5
-"""Log odds of one zone a page against any larger number: that of three samples with one each, none with more."""
+SINGLE = 2.5
+"""Log odds of one zone a page against any larger number: one sample of twelve may have had two, or a sample whose total
+segmentation divided would end it."""
 
+
+_GAP = next(relation for relation in RELATIONS if relation.name == "gap-along")
+_NEVER = 1.6
+"""Cost of a gap between two zones of a label that eight pairs of the samples never have: log((8 + 2) / 2)."""
 
 LEAST_PAGES = 0.15
 """Parts with the label, per sample, from which on it is looked for. A caption of one title page in twelve that lay in a
@@ -45,10 +53,6 @@ larger zone made parts of lines of all others: zones with a wrong label 4.3 -> 1
 
 LEAST_PARTS = 2
 """Parts with the label from which on it is looked for, where there are as many samples: one is chance."""
-
-
-_LINE = 1.35
-"""Mean of the attribute `lines` (binary logarithm of one more than their number) below which zones have one line."""
 
 
 def share_within(label: PieceStatistics) -> float:
@@ -97,18 +101,48 @@ def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
             assert each.label is not None
             best[each.label] = max(best.get(each.label, each), each, key=_evidence)
     zones = tuple(
-        replace(
-            each,
-            label=None,
-            group=None,
-            confidence=1.0 - each.confidence,
-            others={each.label: each.confidence},
-        )
-        if each.label in best and best[each.label] is not each
-        else each
+        _without_label(each) if each.label in best and best[each.label] is not each else each
         for each in seen.zones
     )
     return replace(seen, zones=zones)
+
+
+def with_near_zones(seen: Recognition, model: LayoutModel) -> Recognition:
+    """The recognition; of zones with a label that are farther apart than on any sample, the surest together keep it.
+
+    This is for labels of parts: a receipt has the address of its shop, and perhaps one of a customer.
+    """
+    costs = {edge.upper: edge.costs for edge in model.edges if edge.upper == edge.lower}
+    left: dict[int, RecognizedZone] = {}
+    for label in labels_of_parts(model):
+        gaps = costs.get(label, {}).get(_GAP.name)
+        places = [place for place, each in enumerate(seen.zones) if each.label == label]
+        if gaps is None or len(places) < 2:
+            continue
+        together = _near(seen.page, places, np.array(gaps) < _NEVER)
+        best = max(together, key=lambda group: sum(seen.zones[place].confidence for place in group))
+        left |= {place: _without_label(seen.zones[place]) for place in places if place not in best}
+    if not left:
+        return seen
+    return replace(seen, zones=tuple(left.get(place, each) for place, each in enumerate(seen.zones)))
+
+
+def _near(page: Page, places: Sequence[int], may_be: np.ndarray) -> list[set[int]]:
+    """The zones at `places` in groups, each zone of which has another one at a gap that `may_be` (classes of gaps)."""
+    upper, lower = np.array(list(combinations(places, 2))).T
+    measures = describe_zones(page)
+    gaps = _GAP.measure(measure_pairs(measures, np.stack([upper, lower], axis=1)))
+    groups = [{place} for place in places]
+    for a, b in zip(upper[may_be[gaps]].tolist(), lower[may_be[gaps]].tolist(), strict=True):
+        joined = [group for group in groups if a in group or b in group]
+        groups = [group for group in groups if group not in joined] + [set().union(*joined)]
+    return groups
+
+
+def _without_label(each: RecognizedZone) -> RecognizedZone:
+    assert each.label is not None, "only zones with a label lose it"
+    others = {each.label: each.confidence}
+    return replace(each, label=None, group=None, confidence=1.0 - each.confidence, others=others)
 
 
 def _is_single(node: ModelNode) -> bool:
@@ -188,6 +222,7 @@ def _labels_of_parts(
     tables = build_cost_tables(graph, compiled)
     found = match_directly(tables, NO_PROOF).labels
     costs = conditional_costs(tables, found)
+    shares = zone_shares(tables, found)
     is_text = np.array(
         [bool(zone.text.strip()) and bool(own) for zone, own in zip(page.zones, lines, strict=True)]
     )
@@ -196,29 +231,29 @@ def _labels_of_parts(
         if label not in within or not is_text.any():
             continue
         excess = costs[:, place] - np.delete(costs, place, axis=1).min(axis=1)
-        chosen = np.flatnonzero(is_text & (found == place) & (excess < 0))
-        if not len(chosen):
+        if _is_single(model.nodes[place]):
+            chosen = _of_one_value(page, is_text, shares[:, place])
+        else:
+            chosen = np.flatnonzero(is_text & (found == place) & (excess < 0))
+        if not len(chosen) or excess[chosen].min() >= _MAY_BE:
             nearest = int(np.argmin(np.where(is_text, excess, np.inf)))
             chosen = np.array([nearest] if excess[nearest] < _MAY_BE else [], np.intp)
-        if _is_single(model.nodes[place]) and _is_line(model.nodes[place]):
-            surest = page.zones[min(chosen, key=lambda zone: excess[zone], default=0)]
-            chosen = np.array([zone for zone in chosen if _in_row(page.zones[zone], surest)], np.intp)
         for zone in chosen:
             for part in lines[zone]:
                 labels[part] = label
     return labels
 
 
-def _is_line(node: ModelNode) -> bool:
-    """Whether the zones of a label have one line each."""
-    lines = node.numeric.get("lines")
-    return lines is not None and lines.value < _LINE
+def _of_one_value(page: Page, is_text: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Places of the zones with one text that is most probably the label's, all together; each has its share (N,).
 
-
-def _in_row(zone: Zone, other: Zone) -> bool:
-    """Whether two parts are in one row: a value may be cut in two."""
-    common = min(zone.box[3], other.box[3]) - max(zone.box[1], other.box[1])
-    return common > 0.5 * min(zone.box[3] - zone.box[1], other.box[3] - other.box[1])
+    A total is printed again beside the payment: wherever it is found, the value is the same.
+    """
+    by_text: dict[str, list[int]] = {}
+    for place in np.flatnonzero(is_text).tolist():
+        text = "".join(filter(str.isalnum, page.zones[place].text.casefold()))
+        by_text.setdefault(text, []).append(place)
+    return np.array(max(by_text.values(), key=lambda places: shares[places].sum()), np.intp)
 
 
 def _without_taken(

@@ -12,6 +12,8 @@ from services.layout.page import Page, Zone, ZoneWord
 
 WITHIN = 0.8
 """Least share of a part that lies in the zone it is a part of."""
+LINE_OF_DRAWN = 0.5
+"""Least height of a line in a drawn box of one line: print has three quarters of it, a box of two lines more room."""
 MOST_OF_ZONE = 0.75
 """Share of a zone from which on a part of it is the zone."""
 
@@ -84,16 +86,27 @@ def zones_within(truth: Page, found: Page) -> dict[int, list[int]]:
     if not truth.zones or not found.zones:
         return {}
     shared = shared_areas(found.zones, truth.zones)
-    inside = shared >= WITHIN * box_areas(truth.zones)
+    inside = shared >= WITHIN * _areas_in_rows(truth.zones, found.zones)
     is_part = inside & (shared < MOST_OF_ZONE * box_areas(found.zones)[:, None])
     is_labelled = np.array([zone.label is not None for zone in truth.zones])
     is_whole = (shared >= MOST_OF_ZONE * box_areas(found.zones)[:, None]) & is_labelled
-    is_part &= is_labelled & ~is_whole.any(axis=1)[:, None]
+    is_part &= is_labelled & ~is_whole.any(axis=1)[:, None] & ~is_whole.any(axis=0)
     is_part &= np.array([zone.kind == "text" for zone in truth.zones])  # a picture is no part of a line
     is_part &= np.array([zone.kind == "text" and bool(zone.words) for zone in found.zones])[:, None]
     return {
         int(place): np.flatnonzero(is_part[place]).tolist() for place in np.flatnonzero(is_part.any(axis=1))
     }
+
+
+def _areas_in_rows(drawn: Sequence[Zone], zones: Sequence[Zone]) -> NDArray[np.float64]:
+    """Areas (N, M) of the boxes `drawn` (M), those of one line no higher than each of `zones` (N).
+
+    People draw round a value with room above and below it.
+    """
+    boxes = np.array([zone.box for zone in drawn], dtype=np.float64)
+    width, height = boxes[:, 2] - boxes[:, 0], boxes[:, 3] - boxes[:, 1]
+    own = np.array([zone.box[3] - zone.box[1] for zone in zones])[:, None]
+    return np.asarray(width * np.where(own >= LINE_OF_DRAWN * height, np.minimum(height, own), height))
 
 
 def _what_is_left(zone: Zone, parts: Sequence[Zone]) -> list[Zone]:

@@ -98,6 +98,11 @@ def conditional_costs(tables: CostTables, labels: Labels) -> Floats:
     return tables.cost(labels) + Labelling(tables, Neighbours(tables), labels).changes()
 
 
+def zone_costs(tables: CostTables, labels: Labels) -> Floats:
+    """(N, L): what zones cost with each label, by themselves and in their pairs with zones that keep theirs."""
+    return Labelling(tables, Neighbours(tables), labels).field
+
+
 def own_costs(tables: CostTables, labels: Labels) -> tuple[Floats, Floats]:
     """(N,) and (N,): what zones cost with their labels by themselves, and in all their pairs."""
     rows = np.arange(tables.zones)

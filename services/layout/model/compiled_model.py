@@ -7,6 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.graph.amount_features import AMOUNT_FEATURES
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import KIND_FEATURES, RELATION_OFFSETS
 from services.layout.graph.node_attributes import APPEARANCE_ATTRIBUTES, NUMERIC_ATTRIBUTES
@@ -93,7 +94,8 @@ def comparable_scales(content_names: Sequence[str]) -> NDArray[np.float64]:
     where no image was sent, and pages with and without it are compared with one mean cost of the class.
     """
     names = scale_names(content_names)
-    left_out = [*map(content_scale_name, SECTION_FEATURES), *APPEARANCE_ATTRIBUTES, *WORD_ASPECTS]
+    derived = (*SECTION_FEATURES, *AMOUNT_FEATURES)
+    left_out = [*map(content_scale_name, derived), *APPEARANCE_ATTRIBUTES, *WORD_ASPECTS]
     return np.where(np.isin(names, left_out), 0.0, default_scales(content_names))
 
 

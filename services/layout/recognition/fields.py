@@ -88,6 +88,8 @@ def _fields(recognition: Recognition, settings: Mapping[str, FieldSetting]) -> I
     for label in dict.fromkeys((*by_label, *settings)):
         setting, zones = settings.get(label, FieldSetting()), by_label.get(label, [])
         field = _field(label, zones, zones, setting, of_class) if zones else None
+        if setting.type != "text":
+            field = _of_equal_values(label, read, setting, of_class, field)
         if setting.type != "text" and (field is None or field.problem == "no-value"):
             field = _of_one_zone(label, zones, setting, of_class) or field
             if field is None or field.value is None:
@@ -152,6 +154,36 @@ def _of_another_label(
         if field.value is not None:
             return field
     return None
+
+
+def _of_equal_values(
+    label: str,
+    read: Sequence[RecognizedZone],
+    setting: FieldSetting,
+    of_class: float,
+    field: Field | None,
+) -> Field | None:
+    """The field of the zones whose equal values have this label most probably, all together.
+
+    Only of a label that samples have once a page (`RecognizedZone.shares`); else `field`.
+    """
+    by_value: dict[tuple[str, str | None], list[tuple[float, Field]]] = {}
+    for each in read:
+        share = each.shares.get(label, 0.0)
+        if share < _LEAST_DOUBT:
+            continue
+        own = _field(label, [each], [replace(each, confidence=share)], setting, of_class)
+        if own.value is not None:
+            by_value.setdefault((own.value, own.currency), []).append((share, own))
+    if not by_value:
+        return field
+    best = max(by_value.values(), key=lambda found: sum(share for share, _ in found))
+    total = sum(share for share, _ in best)
+    _, surest = max(best, key=lambda found: found[0])
+    if field is not None and field.value == surest.value:
+        return field
+    zone = next(each for each in read if each.zone.id == surest.zones[0])
+    return _field(label, [zone], [replace(zone, confidence=total)], setting, of_class)
 
 
 def _text(zones: Iterable[RecognizedZone]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from services.layout.matching import own_costs
+from services.layout.matching import own_costs, zone_costs
 from services.layout.matching.cost_tables import CostTables
 
 EVIDENCE_FEATURES = ("constant", "log-odds", "own", "pairs", "zones", "samples")
@@ -85,6 +85,32 @@ def other_labels(
     # A model of null alone has no other label.
     shares = softmax(-rest, axis=1) if conditional.shape[1] > 1 else np.zeros_like(rest)
     return np.where(is_near, shares, 0.0)
+
+
+def zone_shares(tables: CostTables, labels: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Probabilities (N, L) that a zone has a label, if it is the only one with it.
+
+    Costs of numbers of zones are left out: the label moves from one zone to another. 0 for null.
+
+    Parameters
+    ----------
+    tables
+        Costs of the page's zones by the model.
+    labels
+        (N,) of the match, which all other zones keep.
+    """
+    own = zone_costs(tables, labels)
+    shares = np.zeros_like(own)
+    for label in range(1, own.shape[1]):
+        shares[:, label] = softmax(np.delete(own, label, axis=1).min(axis=1) - own[:, label], axis=0)
+    return shares
+
+
+def are_single(counts: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which labels (L,) the samples' pages have once rather than never or more often, by `counts` (L, M)."""
+    if counts.shape[1] < 3:  # how often pages have several is not known
+        return np.zeros(len(counts), np.bool_)
+    return np.asarray(np.delete(counts, 1, axis=1).min(axis=1) - counts[:, 1] > ALWAYS)
 
 
 def label_evidence(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.graph.layout_graph import MOST_NEIGHBOURS, LayoutGraph, build_graph
+from services.layout.graph.zone_words import key_zones
 from services.layout.matching import (
     MatchingParameters,
     backbone_of,
@@ -18,12 +19,18 @@ from services.layout.matching import (
 )
 from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.model.compiled_model import CompiledModel, comparable_scales, compile_model
-from services.layout.model.cost import build_cost_tables, explain_cost, labelling_cost
+from services.layout.model.cost import AttributeCost, build_cost_tables, explain_cost, labelling_cost
 from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.recognition.classification import classify
 from services.layout.recognition.hierarchy import MOST_CANDIDATES, Competitor, rank_models
-from services.layout.recognition.label_evidence import label_confidences, label_evidence, other_labels
+from services.layout.recognition.label_evidence import (
+    are_single,
+    label_confidences,
+    label_evidence,
+    other_labels,
+    zone_shares,
+)
 from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition, RecognizedZone
 
 CONTENDER = 0.02
@@ -78,6 +85,8 @@ class _Match:
     and a model of 60 labels have 300 MB, and many models may compete."""
     others: NDArray[np.float64] | None = None
     """(N, L) `other_labels`, of thorough matches."""
+    shares: NDArray[np.float64] | None = None
+    """(N, L) `zone_shares` of labels that pages have once, of thorough matches."""
 
     @property
     def cost(self) -> float:
@@ -268,7 +277,8 @@ def _match(
         tables, matching.labels, conditional, model.model.samples, is_read=graph.is_read
     )
     others = other_labels(conditional, matching.labels, compiled.counts)
-    return replace(match, confidences=confidences, evidence=evidence, others=others)
+    shares = np.where(are_single(compiled.counts), zone_shares(tables, matching.labels), 0.0)
+    return replace(match, confidences=confidences, evidence=evidence, others=others, shares=shares)
 
 
 def _label_zones(page: Page, match: _Match) -> tuple[RecognizedZone, ...]:
@@ -280,6 +290,7 @@ def _label_zones(page: Page, match: _Match) -> tuple[RecognizedZone, ...]:
     assert match.confidences is not None, "the most probable class was matched thoroughly"
     assert match.evidence is not None, "evidence comes with confidences"
     assert match.others is not None, "other labels come with confidences"
+    assert match.shares is not None, "shares come with confidences"
     chosen = match.matching.labels
     labels = match.compiled.labels
     return tuple(
@@ -293,6 +304,11 @@ def _label_zones(page: Page, match: _Match) -> tuple[RecognizedZone, ...]:
             others={
                 name: float(share)
                 for name, share in zip(labels, match.others[index], strict=True)
+                if name is not None and share > 0
+            },
+            shares={
+                name: float(share)
+                for name, share in zip(labels, match.shares[index], strict=True)
                 if name is not None and share > 0
             },
         )
@@ -312,5 +328,19 @@ def _report(page: Page, graph: LayoutGraph, match: _Match, explain: bool) -> Mod
         optimal=matching.optimal,
         gap=matching.gap,
         backbone={str(labels[label]): names[zone] for label, zone in sorted(match.backbone.items())},
-        explanation=explain_cost(graph, match.compiled, matching.labels, names) if explain else (),
+        explanation=_with_keys(explain_cost(graph, match.compiled, matching.labels, names), page)
+        if explain
+        else (),
     )
+
+
+def _with_keys(terms: tuple[AttributeCost, ...], page: Page) -> tuple[AttributeCost, ...]:
+    """The terms; those of a value's key tell the zone that is the key of the value."""
+    place = {zone.id: index for index, zone in enumerate(page.zones)}
+    keys = key_zones(page)
+
+    def with_key(term: AttributeCost) -> AttributeCost:
+        key = keys[place[term.zone]].get(term.attribute)
+        return term if key is None else replace(term, other=page.zones[key].id)
+
+    return tuple(map(with_key, terms))

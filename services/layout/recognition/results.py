@@ -17,6 +17,7 @@ class RecognizedZone:
     that the label is right, from which its confidence is calibrated (`label_evidence`); None where nothing was matched.
     `others` are the labels that are nearly as probable, each with its probability, 0-1, if `label` is wrong. `several`
     is the probability, 0-1, that the zone is several, which samples of the class label apart; None: not judged.
+    `shares` are, for labels of which the samples have one zone a page, the probabilities, 0-1, that this zone is it.
     """
 
     zone: Zone
@@ -27,6 +28,7 @@ class RecognizedZone:
     evidence: float | None = None
     others: Mapping[str, float] = field(default_factory=dict)
     several: float | None = None
+    shares: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.layout.read_words import is_value
 from services.layout.segmentation.fine_page import FinePage
 from services.layout.segmentation.frame import LevelledFrame
 from services.layout.segmentation.measures import SAME_ROW
@@ -24,6 +25,9 @@ _MANY = 0.25
 """Share of the sure words that have no line, from which on the components are not believed. On letters in which a
 signature or a stamp covers print it is up to 15 %."""
 _FEW = 5
+_SURE_VALUE = 0.9
+"""Least confidence of a date, time or amount that is believed though few words have no line: they are what forms are
+read for, and print that only looks like a letter is never one."""
 _COLUMN_GAP = 2.0
 """Space between two words that parts lines, in heights of the words."""
 _COVERED = 0.5
@@ -31,11 +35,16 @@ _COVERED = 0.5
 
 
 def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: LevelledFrame) -> FinePage:
-    """The page with lines of the `words` that no line and no figure has, each a block; the same where these are few."""
+    """The page with lines of the `words` that no line and no figure has, each a block.
+
+    Where these are few, only sure values are taken; where there are none, it is the same page.
+    """
     sure = [word for word in words or () if word.confidence >= _SURE and any(map(str.isalnum, word.text))]
     held = _held(fine)
     lost = [word for word in sure if (word.text, word.box) not in held]
     if len(lost) < max(_FEW, _MANY * len(sure)):
+        lost = [word for word in lost if word.confidence >= _SURE_VALUE and is_value(word.text)]
+    if not lost:
         return fine
     rows = list(_rows(lost))
     boxes = np.array([_hull(row) for row in rows])

@@ -82,7 +82,7 @@ def find_sheet_of_parts(
     """
     order = list(photos)
     pages = [photo.page for photo in photos.values() if photo.page is not None]
-    bent = [k for k, page in enumerate(pages) if isinstance(page.shape, CurvedPage)]
+    bent = [k for k, page in enumerate(pages) if _smooth(page) is not None]
     if len(pages) < len(photos) or not bent:
         return None
     parts = _Parts(tuple(photos.values()), tuple(pages), tuple(placements[index] for index in order))
@@ -116,9 +116,15 @@ def _frame(photo: FlatPhoto) -> CurvedFrame:
     return photo.frame
 
 
+def _smooth(page: SeenPage) -> CurvedPage | None:
+    """The shape of a page, if it is a smooth bent sheet."""
+    return page.shape if isinstance(page.shape, CurvedPage) else None
+
+
 def _own_fit(page: SeenPage) -> FittedSurface:
-    assert isinstance(page.shape, CurvedPage)
-    return page.shape.fitted
+    shape = _smooth(page)
+    assert shape is not None
+    return shape.fitted
 
 
 def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
@@ -164,9 +170,10 @@ def _bends_of(k: int, base: int, parts: _Parts) -> tuple[Vector, Vector] | None:
     None if photo `k` shows no bend, or one about other rulings.
     """
     page = parts.pages[k]
-    if not isinstance(page.shape, CurvedPage):
+    shape = _smooth(page)
+    if shape is None:
         return None
-    own, sheet = page.shape.fitted.surface, _own_fit(parts.pages[base]).surface
+    own, sheet = shape.fitted.surface, _own_fit(parts.pages[base]).surface
     at = own.to_sheet(own.to_page(page.evidence.characters))
     low, high = np.nanpercentile(at[:, 0], [1, 99])
     s, t = np.linspace(low, high, ALONG), float(np.nanmedian(at[:, 1]))
@@ -200,9 +207,9 @@ def _observe(k: int, page: SeenPage, surface: DevelopableSurface) -> SeenPart:
     The sides of the sheet are left out: what a part shows as one may be another edge (of nine sets two were three times
     as exact without them, one a tenth less).
     """
-    e, shape, prior = page.evidence, page.shape, page.focal_prior
+    e, shape, prior = page.evidence, _smooth(page), page.focal_prior
     p = FittingParameters(cauchy_flows=True)
-    if isinstance(shape, CurvedPage):
+    if shape is not None:
         p, lines = rescale_deviations(p, shape.fitted), shape.lines
     else:
         lines = trace_lines(e.text, e.view, surface)

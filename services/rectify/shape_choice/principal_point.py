@@ -134,16 +134,17 @@ def find_principal_point(evidence: PageEvidence, prior: FocalPrior, shape: PageS
     fitting: _Fitting | None = None
     if prior.source == "assumed":
         return None
+    plane = shape if isinstance(shape, PlanarPage) else None
     if isinstance(shape, CurvedPage) and not doubted:
         fitting = _sheet_fitting(evidence, prior, shape)
-    elif isinstance(shape, PlanarPage):
+    elif plane is not None:
         doubted = doubted or is_odd(evidence.view)
-        fitting = _plane_fitting(evidence, prior) if doubted or shape.focal_tension > TENSION else None
+        fitting = _plane_fitting(evidence, prior) if doubted or plane.focal_tension > TENSION else None
     found = None if fitting is None else _choose(fitting, evidence, prior)
     if found is None:
         return None
     if found.other_focal:
-        fitted_so = isinstance(shape, PlanarPage) and shape.focal_source != "exif" and not moved_by_sides
+        fitted_so = plane is not None and plane.focal_source != "exif" and not moved_by_sides
         return None if fitted_so else MovedEvidence(evidence, typical_focal_prior(), (EXIF_CONTRADICTED,))
     return MovedEvidence(
         _relative_to(found.offset, evidence, found.start), prior_at(prior, evidence.view, found.offset)

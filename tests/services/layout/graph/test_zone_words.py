@@ -8,6 +8,7 @@ from services.layout.graph.zone_words import (
     MOST_TOKENS,
     NOTHING,
     WORD_ASPECTS,
+    key_zones,
     page_tokens,
     zone_tokens,
 )
@@ -36,6 +37,16 @@ def test_a_value_has_its_key_on_its_left_and_what_stands_above() -> None:
     assert of(KEYED, 1, "words-left") == (NOTHING,)
     assert of(KEYED, 1, "words-above") == ("invoice",)
     assert of(KEYED, 3, "words-left") == (NOTHING,), "in another row"
+
+
+def test_the_zone_that_is_the_key_of_a_value_is_known() -> None:
+    assert key_zones(KEYED)[2] == {"words-left": 1}, "nothing stands above it"
+    assert key_zones(KEYED)[3] == {"words-above": 2}
+    assert key_zones(KEYED)[0] == {}
+
+
+def test_a_number_above_tells_its_kind() -> None:
+    assert of(KEYED, 3, "words-above") == ("=amount",)
 
 
 def test_forms_tell_what_a_value_looks_like() -> None:

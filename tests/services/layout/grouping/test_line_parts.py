@@ -5,10 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from services.layout.content.content_features import content_features
-from services.layout.grouping.line_parts import cut_lines, share_within, take_out_parts, with_single_zones
+from services.layout.grouping.line_parts import (
+    cut_lines,
+    share_within,
+    take_out_parts,
+    with_near_zones,
+    with_single_zones,
+)
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import come_apart, transfer_labels, zones_within
-from services.layout.model.layout_model import LayoutModel, PieceStatistics
+from services.layout.model.layout_model import LayoutModel, ModelEdge, PieceStatistics
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, complete_recognition, recognize
 from services.layout.segmentation import FinePage, Line, compose_page
@@ -74,6 +80,8 @@ def test_lines_are_cut_at_keys_values_and_wide_spaces() -> None:
     cut = cut_lines(fine_page(("Date: 12/01/2018 16:57", "A4 COPY 8  4.24 SR", "plain words only")))
     assert cut.fine.texts == ("Date:", "12/01/2018", "16:57", "A4 COPY 8", "4.24", "SR", "plain words only")
     assert cut.blocks == ((0, 1, 2, 3, 4, 5, 6),)
+    numbers = cut_lines(fine_page(("KING'S S/B 273500-U", "ACME BHD (139386 X)", "47500 SUBANG JAYA")))
+    assert numbers.fine.texts == ("KING'S S/B", "273500-U", "ACME BHD", "(139386", "X)", "47500 SUBANG JAYA")
     assert [len(block) for block in cut.fine.blocks] == [1] * 7
     boxes = cut.fine.boxes
     assert (boxes[:3, 0][1:] >= boxes[:3, 2][:-1]).all()
@@ -83,6 +91,16 @@ def test_lines_are_cut_at_keys_values_and_wide_spaces() -> None:
 def test_a_drawn_part_of_a_zone_is_a_part_and_the_rest_is_left() -> None:
     verified, found = sample(1)
     assert zones_within(verified, found) == {1: [1]}
+    x0, y0, x1, y1 = verified.zones[1].box
+    roomy = replace(verified.zones[1], box=(x0 - 1, y0 - 4, x1 + 1, y1 + 4))
+    thin = replace(
+        found,
+        zones=tuple(
+            replace(zone, box=(zone.box[0], y0, zone.box[2], y1)) if zone.id == found.zones[1].id else zone
+            for zone in found.zones
+        ),
+    )
+    assert zones_within(replace(verified, zones=(verified.zones[0], roomy)), thin) == {1: [1]}
     picture = replace(verified, zones=(verified.zones[0], replace(verified.zones[1], kind="figure")))
     assert zones_within(picture, found) == {}
     apart = come_apart(verified, found)
@@ -137,3 +155,25 @@ def test_of_a_label_that_occurs_once_the_surest_zone_keeps_it() -> None:
     assert kept == [each for each in doubled.zones if each.label == "total"][-1:]
     lost = [each for each in single.zones if each.others == {"total": 0.6}]
     assert len(lost) == len(amounts) - 1
+
+
+def test_zones_farther_apart_than_on_any_sample_lose_their_label() -> None:
+    """Samples have two lines next to each other; on the page a third one stands at its foot."""
+    model = model_of_slips()
+    [total] = [node for node in model.nodes if node.label == "total"]
+    near = ModelEdge("total", "total", {"gap-along": (0.0, -0.5, 0.0, 2.0, 2.0, 2.0, 2.0)})
+    edges = (near, *(edge for edge in model.edges if (edge.upper, edge.lower) != ("total", "total")))
+    seen = recognize(compose_page(fine_page(("one",), ("two",), ("three",))), [VersionedModel(model, 1)])
+    boxes = [(30.0, top, 80.0, top + 12.0) for top in (40.0, 55.0, 600.0)]
+    zones = tuple(
+        replace(each, label="total", confidence=sure, zone=replace(each.zone, box=box))
+        for each, box, sure in zip(seen.zones, boxes, (0.5, 0.4, 0.8), strict=True)
+    )
+    page = replace(seen.page, zones=tuple(each.zone for each in zones))
+    left = with_near_zones(replace(seen, page=page, zones=zones), replace(model, edges=edges))
+    assert [each.label for each in left.zones] == ["total", "total", None], "both together are surer"
+    assert left.zones[2].others == {"total": 0.8}
+    far = replace(near, costs={"gap-along": (0.0,) * 7})
+    kept = replace(model, edges=(far, *edges[1:]))
+    assert with_near_zones(replace(seen, page=page, zones=zones), kept).zones == zones
+    assert total.pieces.within > 0

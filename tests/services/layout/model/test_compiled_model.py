@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from services.layout.graph.amount_features import AMOUNT_FEATURES
 from services.layout.graph.edge_attributes import RELATIONS
 from services.layout.graph.layout_graph import DERIVED_FEATURES, RELATION_OFFSETS
 from services.layout.graph.node_attributes import APPEARANCE_ATTRIBUTES, NUMERIC_ATTRIBUTES
@@ -84,10 +85,11 @@ def test_a_model_without_content_works_without_features() -> None:
     assert not compiled.relations.any()
 
 
-def test_classes_are_compared_without_sections_appearance_and_words() -> None:
+def test_classes_are_compared_without_sections_amounts_appearance_and_words() -> None:
     known = ("date", *DERIVED_FEATURES)
     usual, compared = default_scales(known), comparable_scales(known)
     differ = {
         name for name, one, other in zip(scale_names(known), usual, compared, strict=True) if one != other
     }
-    assert differ == {*map(content_scale_name, SECTION_FEATURES), *APPEARANCE_ATTRIBUTES, *WORD_ASPECTS}
+    derived = map(content_scale_name, (*SECTION_FEATURES, *AMOUNT_FEATURES))
+    assert differ == {*derived, *APPEARANCE_ATTRIBUTES, *WORD_ASPECTS}

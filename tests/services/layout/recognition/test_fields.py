@@ -123,3 +123,16 @@ def test_zones_of_the_label_come_before_those_of_others() -> None:
     nothing = replace(labelled(1, "body", "never", 0.5), others={"date": 0.9})
     [own, _] = gather_fields(recognition(labelled(0, "date", "no day"), nothing), DATE)
     assert (own.text, own.problem) == ("no day", "no-value")
+
+
+def test_zones_with_equal_values_are_one_value_together() -> None:
+    amounts = {"total": FieldSetting("amount")}
+    change = replace(labelled(0, "total", "12.55", 0.4), shares={"total": 0.4})
+    twice = [replace(labelled(k, None, "87.45", 0.7), shares={"total": 0.3}) for k in (1, 2)]
+    [field] = gather_fields(recognition(change, *twice), amounts)
+    assert (field.value, field.zones) == ("87.45", ("z1",))
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.6, 1.0))
+    [field] = gather_fields(recognition(change, twice[0]), amounts)
+    assert (field.value, field.zones) == ("12.55", ("z0",))
+    [field] = gather_fields(recognition(labelled(0, "total", "12.55"), *twice[:0]), amounts)
+    assert field.value == "12.55", "without shares nothing moves"

@@ -14,10 +14,12 @@ from services.layout.recognition.label_evidence import (
     READ,
     UNREAD,
     LabelEvidence,
+    are_single,
     label_confidences,
     label_evidence,
     label_features,
     other_labels,
+    zone_shares,
 )
 
 LABELS = np.array([1, 2, 1, 0])
@@ -127,3 +129,19 @@ def test_a_label_that_every_page_has_is_told_of_every_zone() -> None:
     assert (found[:, 1] > 0).all()
     assert found[1, 1] > found[0, 1]
     assert found[:, [0, 2]].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+def test_shares_of_a_label_do_not_depend_on_who_has_it_now() -> None:
+    costs = replace(tables(), pairs=np.zeros((0, 2), np.intp), edge=np.zeros((0, 3, 3)))
+    shares = zone_shares(costs, LABELS)
+    assert shares[:, 1:].sum(axis=0) == pytest.approx(1.0)
+    assert shares[:, 0].tolist() == [0.0] * 4
+    assert shares == pytest.approx(zone_shares(costs, np.array([0, 0, 0, 1])))
+    better = replace(costs, node=costs.node - np.array([[0.0, 0.0, 0.0]] * 3 + [[0.0, 5.0, 0.0]]))
+    assert zone_shares(better, LABELS)[3, 1] > shares[3, 1]
+
+
+def test_a_label_is_single_where_pages_have_it_once() -> None:
+    counts = np.array([[3.0, 0.1, 4.0], [0.1, 3.0, 4.0], [3.0, 2.0, 0.1], [1.0, 0.1, 0.9]])
+    assert are_single(counts).tolist() == [True, False, False, False]
+    assert not are_single(counts[:, :2]).any()

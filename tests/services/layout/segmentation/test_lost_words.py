@@ -56,13 +56,15 @@ def test_many_lost_words_become_lines_by_rows_and_columns() -> None:
 
 def test_a_page_whose_words_have_lines_stays() -> None:
     page = fine_page()
-    assert with_lost_words(page, [*HELD, *LOST[:4]], FRAME) is page, "fewer than five"
+    few = [replace(word, confidence=0.8) for word in LOST[:4]]
+    assert with_lost_words(page, [*HELD, *few], FRAME) is page, "fewer than five, and no sure values"
     assert with_lost_words(page, None, FRAME) is page
     unsure = [replace(word, confidence=0.5) for word in LOST]
     assert with_lost_words(page, [*HELD, *unsure], FRAME) is page
     many = [replace(word, text=f"{word.text}{k}") for k in range(30) for word in HELD]
     held = replace(page, words=(tuple(many), ()))
-    assert with_lost_words(held, [*many, *LOST], FRAME) is held, "a twelfth of the words"
+    plain = [replace(word, text="word") for word in LOST]
+    assert with_lost_words(held, [*many, *plain], FRAME) is held, "a twelfth of the words"
 
 
 def test_words_of_a_turned_copy_lie_on_it() -> None:
@@ -72,3 +74,9 @@ def test_words_of_a_turned_copy_lie_on_it() -> None:
     middle = frame.level(found.boxes[-1:] / 2)[0]
     np.testing.assert_allclose(line.box, middle)
     assert line.baseline == line.box[3]
+
+
+def test_a_sure_value_without_a_line_becomes_one_though_it_is_alone() -> None:
+    found = with_lost_words(fine_page(), [*HELD, LOST[0], LOST[1]], FRAME)
+    assert {zone.text for zone in compose_page(found).zones} >= {"one two", "13-02-2016"}
+    assert "Date" not in " ".join(zone.text for zone in compose_page(found).zones), "a word may be a scrap"
