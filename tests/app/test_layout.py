@@ -52,8 +52,9 @@ def test_the_answer_is_the_contracts(client: httpx.Client) -> None:
     assert response.headers["content-type"] == "application/json"
     answer: dict[str, Any] = response.json()
     assert list(answer) == [
-        "id", "file_name", "width", "height", "class", "classes", "unknown_probability", "zones", "fields", "match",
-        "part", "document_class", "language", "page", "orientation", "image", "decision", "warnings", "timings_ms",
+        "id", "file_name", "width", "height", "class", "classes", "unknown_probability", "zones", "fields", "tables",
+        "match", "part", "document_class", "language", "page", "orientation", "image", "decision", "warnings",
+        "timings_ms",
     ]  # fmt: skip
     LayoutResult.model_validate(answer)
     assert answer["file_name"] == "page.png"
