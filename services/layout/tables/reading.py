@@ -93,17 +93,21 @@ def _cell(cell: FoundCell, label: str, plan: TablePlan, checked: float) -> Table
 
 
 def _product_fits(row: Mapping[str, FoundCell], model: TableModel, discount: str) -> bool | None:
-    """Whether the numbers of a row are factors and product, as the samples say; None where they cannot tell."""
+    """Whether the numbers of a row are factors and product, as the samples say; None where they cannot tell.
+
+    That one times a price is the price confirms nothing; that it is another amount is wrong.
+    """
     rule = product_rule(model)
     if rule is None:
         return None
     of, by, gives = (
         number_of(row[label].text) if label in row else None for label in (rule.of, rule.by, rule.gives)
     )
-    if of is None or by is None or gives is None or not tests_product(of, by, gives):
+    if of is None or by is None or gives is None:
         return None
     less = number_of(discount) or Decimal(0)
-    return fits_product(of * (100 - less) / 100, by, gives)
+    fits = fits_product(of * (100 - less) / 100, by, gives)
+    return fits if tests_product(of, by, gives) or not fits else None
 
 
 def _added_label(plan: TablePlan) -> str | None:

@@ -79,6 +79,19 @@ def test_amounts_that_do_not_add_up(plan: TablePlan) -> None:
     assert read(without_net, plan).checks.sum_fits is True
 
 
+@pytest.mark.parametrize(("amount", "unlike"), [("585,00", False), ("595,00", True)])
+def test_one_times_a_price_is_the_price(plan: TablePlan, amount: str, unlike: bool) -> None:
+    [page] = made(AHRENS, 12, 5)
+    words = words_of(page)
+    texts = [word.text for word in words]
+    number = next(k for k, row in enumerate(page.rows) if texts.count(row["quantity"].text) == 1)
+    for label, text in (("quantity", "1"), ("price", "585,00"), ("amount", amount)):
+        words = with_text(words, page.rows[number][label].text, text)
+    table = read(words, plan)
+    assert table.checks.unlike == ((number,) if unlike else ())
+    assert table.checks.products_fit is not unlike
+
+
 def test_a_discount_is_no_error() -> None:
     plan = TablePlan(taught(NORDLICHT, AHRENS), TYPES, 1.0)
     [page] = made(NORDLICHT, 5, 6)
