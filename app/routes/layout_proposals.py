@@ -15,6 +15,7 @@ from app.learning.labelled_pages import layout_settings
 from app.routes.common_responses import BODY, READING, STORE, WORK
 from app.routes.long_work import ACCEPTED, PREFER, answer_now_or_later
 from app.schemas.layout_proposals import UnknownPage, UnknownPageList, UnknownPageSummary
+from app.schemas.layout_samples import without_words
 from app.schemas.options import CallbackUrl
 from app.state import State
 from models.errors import UnknownPageNotFound
@@ -69,7 +70,7 @@ async def unknown_layout_page(request: Request, state: State, id: str) -> Unknow
     caller = caller_of(request)
     page = await state.store.call(lambda store: _own_page(store, id, caller))
     return UnknownPage.model_validate(
-        {**page.page, "id": page.id, "result": page.result_id, "created": page.created_at}
+        {**without_words(page.page), "id": page.id, "result": page.result_id, "created": page.created_at}
     )
 
 

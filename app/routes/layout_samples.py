@@ -17,7 +17,7 @@ from app.learning.labelled_pages import (
 from app.routes.common_responses import FORM, IMAGE, READING, STORE, WORK
 from app.routes.model_answers import IdempotencyKey
 from app.schemas.layout_models import ModelName
-from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary
+from app.schemas.layout_samples import Sample, SampleList, SampleReceipt, SampleSummary, without_words
 from app.state import State
 from models.records import StoredSample
 
@@ -113,7 +113,7 @@ async def layout_sample(state: State, name: ModelName, id: str) -> Sample:
     """One sample, with all measured properties."""
     sample = await state.store.call(lambda store: store.sample(name, id))
     return Sample.model_validate(
-        {**sample.document, "id": sample.id, "model": name, "created": sample.created_at}
+        {**without_words(sample.document), "id": sample.id, "model": name, "created": sample.created_at}
     )
 
 

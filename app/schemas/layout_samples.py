@@ -1,7 +1,8 @@
 """Labelled pages; requests and responses of /layout/models/{name}/samples."""
 
+from collections.abc import Mapping
 from datetime import datetime
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
@@ -42,6 +43,11 @@ class PageBody(BaseModel):
     width: float = Field(gt=0, description="Pixels.")
     height: float = Field(gt=0, description="Pixels.")
     zones: list[PageZone] = Field(min_length=1)
+
+
+def without_words(page: Mapping[str, Any]) -> dict[str, Any]:
+    """A stored page as answers show it: words that no zone has are kept for tables only, as those of zones are."""
+    return {key: value for key, value in page.items() if key != "loose"}
 
 
 class SampleReceipt(Answer):
