@@ -21,7 +21,7 @@ from services.ocr.engine import MADE_UP, Word
 
 _SURE = 0.6
 """Least confidence of a word that is believed without a line."""
-_MANY = 0.25
+_MANY = 0.1
 """Share of the sure words that have no line, from which on the components are not believed. On letters in which a
 signature or a stamp covers print it is up to 15 %."""
 _FEW = 5
@@ -34,15 +34,23 @@ _COVERED = 0.5
 """Share of a line without words from which on it is a scrap of the lines that were read."""
 
 
+def believes_words(fine: FinePage, words: Sequence[Word] | None) -> bool:
+    """Whether much of what was read has no line on the page, so that its words are to make the lines."""
+    sure = _sure(words)
+    held = _held(fine)
+    lost = [word for word in sure if (word.text, word.box) not in held]
+    return len(lost) >= _FEW and _letters(lost) >= _MANY * _letters(sure)
+
+
 def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: LevelledFrame) -> FinePage:
     """The page with lines of the `words` that no line and no figure has, each a block.
 
     Where these are few, only sure values are taken; where there are none, it is the same page.
     """
-    sure = [word for word in words or () if word.confidence >= _SURE and any(map(str.isalnum, word.text))]
+    sure = _sure(words)
     held = _held(fine)
     lost = [word for word in sure if (word.text, word.box) not in held]
-    if len(lost) < max(_FEW, _MANY * len(sure)):
+    if not believes_words(fine, words):
         lost = [word for word in lost if word.confidence >= _SURE_VALUE and is_value(word.text)]
     if not lost:
         return fine
@@ -61,6 +69,14 @@ def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: Levelle
         words=(*fine.words, *map(tuple, rows)),
         blocks=(*(block for block in blocks if block), *((count + row,) for row in range(len(rows)))),
     )
+
+
+def _sure(words: Sequence[Word] | None) -> list[Word]:
+    return [word for word in words or () if word.confidence >= _SURE and any(map(str.isalnum, word.text))]
+
+
+def _letters(words: Sequence[Word]) -> int:
+    return sum(len(word.text) for word in words)
 
 
 def with_loose_words(fine: FinePage, words: Sequence[Word] | None) -> FinePage:
