@@ -25,7 +25,14 @@ from services.layout.segmentation.page_numbers import split_page_numbers
 from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
 from services.layout.segmentation.text_lines import Line, find_lines, measure_line
 from services.layout.segmentation.word_lines import lines_of_words
-from services.layout.segmentation.words import assign_words, line_confidences, words_of_lines
+from services.layout.segmentation.words import (
+    assign_words,
+    between_words,
+    is_sign,
+    is_word,
+    line_confidences,
+    words_of_lines,
+)
 from services.layout.segmentation.zone_grouping import group_lines
 from services.ocr.engine import MADE_UP, UNSURE, Word
 
@@ -179,17 +186,19 @@ def _read(
     frame: LevelledFrame,
 ) -> tuple[ReadLines, list[list[Word]]]:
     """Text and confidence of every line, and its words from left to right."""
-    seen = [word for word in words or () if any(map(str.isalnum, word.text))]
+    seen = [word for word in words or () if is_word(word) or is_sign(word)]
     if not seen or not lines:
         return ReadLines([""] * len(lines), np.zeros(len(lines))), [[] for _ in lines]
     boxes = np.array([line.box for line in lines])
     word_boxes = frame.level(np.array([word.box for word in seen]) / np.array([*frame.scale, *frame.scale]))
-    is_sure = np.array([word.confidence >= MADE_UP for word in seen])
+    says = np.array([is_word(word) for word in seen])
+    is_sure = np.array([word.confidence >= MADE_UP for word in seen]) & says
     line_of_word = assign_words(seen, word_boxes, boxes)
     confidence = line_confidences(seen, np.where(is_sure, line_of_word, -1), len(lines))
     # In a line that is text, a word that was read badly is a word all the same.
     is_text = confidence >= UNSURE
     line_of_word = np.where(is_sure | is_text[line_of_word], line_of_word, -1)
+    line_of_word = np.where(says | between_words(line_of_word, says, word_boxes), line_of_word, -1)
     own = words_of_lines(seen, word_boxes, line_of_word, len(lines))
     texts = [" ".join(word.text for word in each) for each in own]
     return ReadLines(texts, confidence), own
