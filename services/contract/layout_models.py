@@ -11,7 +11,7 @@ MOST_COMPARED_SAMPLES = 24
 """Largest number of samples of a class that proposals read, the newest ones; more do not change the mean costs and
 distances."""
 
-SEGMENTATION = "2026-11-27"
+SEGMENTATION = "2026-11-27.2"
 """Name of the present segmentation. Whoever changes which zones it finds gives it a new name (a date, `.2` for the
 second of a day), so that samples and versions say by which one they were measured: `python -m app remeasure`."""
 

@@ -55,6 +55,9 @@ _KINDS: tuple[tuple[str, re.Pattern[str]], ...] = (
 )
 """Kinds of values, by what they look like. Whether a text has such a value is not decided here."""
 
+_UNIT = re.compile(r"[A-Z]{2,3}\.?|[$€£¥₹₽:=]|\d{1,2}(?:[.,]\d{1,2})?\s?%")
+"""What stands between a key and its value: a currency, a rate, a colon."""
+
 Tokens = tuple[tuple[str, ...], ...]
 """Of one zone, by aspect: different tokens, in their order."""
 Token = tuple[int, str]
@@ -194,7 +197,11 @@ class _Print:
         words: list[str] = []
         edge = box[0]
         for place in self.in_row(box):
-            found = _words(self.texts[place])
+            text = self.texts[place]
+            if _UNIT.fullmatch(text):
+                edge = x0[place]
+                continue
+            found = _words(text)
             if words and (not found or edge - x1[place] > _SAME_KEY * (box[3] - box[1])):
                 break
             words = [*found, *words]
