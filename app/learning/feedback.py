@@ -154,9 +154,8 @@ async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptati
     if name == given.verified.found_class and found.get("document_class") not in (None, name):
         continues = found["document_class"]
     whole = await state.store.call(lambda store: _settings_of(store, continues))
-    fields = {
-        label: each for one in (whole, settings) if one is not None for label, each in one.fields.items()
-    }
+    known = [one for one in (whole, settings) if one is not None]
+    fields = {label: each for one in known for label, each in one.fields.items()}
     correction = Correction(
         class_name=name,
         labels={str(zone["id"]): zone.get("label") for zone in adaptation.sample["zones"]},
@@ -164,6 +163,8 @@ async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptati
         fields=fields,
         continues=continues,
         tolerated_error=tolerated_errors_of(name or "*", state.settings.tolerated_errors)[None],
+        items=next((one.items for one in reversed(known) if one.items), ()),
+        tables=adaptation.tables,
     )
     return await state.engine.submit(state.operations.correct_result, found, given.zones, correction)
 

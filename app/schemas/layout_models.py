@@ -37,8 +37,9 @@ NameInBody = Annotated[
 class Health(Answer):
     """Error rates of recognition for a class, computed from feedback: recent ones and earlier ones.
 
-    Zone errors are the share (0-1) of zones with a wrong label; class errors are the share of pages with a wrong class;
-    null without feedback. If `recent_zone_error` is larger than `earlier_zone_error`, the class may have changed.
+    Zone errors are the share (0-1) of zones with a wrong label, without cells of tables; class errors are the share of
+    pages with a wrong class; null without feedback. If `recent_zone_error` is larger than `earlier_zone_error`, the
+    class may have changed.
     """
 
     feedbacks: int = Field(ge=0, description="Number of feedbacks that found or verified this class.")

@@ -415,7 +415,10 @@ def import_model(name: str, document: bytes) -> ModelDraft:
 
 
 def adapt_models(
-    task: VerifiedPage[dict[str, Any]], models: list[ModelDocument], settings: LayoutSettings
+    task: VerifiedPage[dict[str, Any]],
+    models: list[ModelDocument],
+    settings: LayoutSettings,
+    items: Sequence[str] = (),
 ) -> Adaptation:
     """Follow the scripts in the labels; then every model has written the verified labels and its learner down."""
     for label in task.labels.values():

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from services.layout.page import Box, Page, Zone
+from services.layout.page import Box, Page, Zone, ZoneWord
 
 _SAME_PX = 1.0
 """Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
@@ -15,8 +15,8 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     """The drawn zones, with the properties of the found zones that they cover.
 
     A drawn zone at the place of a found one has all its properties. Other zones take means of font size, line spacing
-    and stroke weight over the found zones, weighted by area, and the lines of text that lie in them. What the person
-    gave (text, kind, and so on) has priority.
+    and stroke weight over the found zones, weighted by area, and the lines of text that lie in them, of which they have
+    the words that do so. What the person gave (text, kind, and so on) has priority.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     drawn
         The page with the person's zones and labels.
     """
-    return replace(drawn, zones=tuple(_revised(zone, page.zones) for zone in drawn.zones))
+    return replace(drawn, zones=tuple(_revised(zone, page) for zone in drawn.zones))
 
 
 def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
@@ -33,15 +33,29 @@ def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
     return max(abs(a - b) for a, b in zip(first, second, strict=True)) <= _SAME_PX
 
 
-def _revised(drawn: Zone, found: Sequence[Zone]) -> Zone:
-    under = [(zone, area) for zone in found if (area := _common_area(zone.box, drawn.box)) > 0]
-    for zone, _ in under:
-        if are_one_place(zone.box, drawn.box):
-            return _with_given(replace(zone, id=drawn.id, label=drawn.label), drawn)
+def zone_at(box: Sequence[float], found: Sequence[Zone]) -> Zone | None:
+    """The found zone whose place a box has; None where it has that of none."""
+    return next((zone for zone in found if are_one_place(zone.box, box)), None)
+
+
+def is_text_known(page: Page, box: Box) -> bool:
+    """Whether the zones of a page say what is read in a box: not where they have a text and its words have no place."""
+    under = [zone for zone in page.zones if zone.text and _common_area(zone.box, box) > 0]
+    if not under or zone_at(box, page.zones) is not None:
+        return True
+    return any(zone.words or any(_lines_within(zone, box)) for zone in under)
+
+
+def _revised(drawn: Zone, page: Page) -> Zone:
+    under = [(zone, area) for zone in page.zones if (area := _common_area(zone.box, drawn.box)) > 0]
+    same = zone_at(drawn.box, page.zones)
+    if same is not None:
+        return _with_given(replace(same, id=drawn.id, label=drawn.label), drawn)
     if not under:
-        return drawn
+        return _with_given(replace(drawn, text="\n".join(_words_within(page.loose, drawn.box))), drawn)
     largest = max(under, key=lambda each: each[1])[0]
-    lines = [line for zone, _ in under for line in _lines_within(zone, drawn.box)]
+    lines = [line for zone, _ in under for line in _texts_within(zone, drawn.box)]
+    lines = lines or _words_within(page.loose, drawn.box)
     measured = Zone(
         id=drawn.id,
         box=drawn.box,
@@ -70,6 +84,24 @@ def _with_given(measured: Zone, drawn: Zone) -> Zone:
     if drawn.text and drawn.text != measured.text:
         given |= {"text": drawn.text, "content": {}, "words": ()}
     return replace(measured, **given)
+
+
+def _texts_within(zone: Zone, box: Box) -> list[str]:
+    """The lines of a found zone that lie in a box; of lines that lie there in part, as a cell of a row, the words."""
+    lines = _lines_within(zone, box)
+    if zone.words and (inside := _words_within(zone.words, box)):
+        return [*inside, *([""] * (len(lines) - len(inside)))]
+    return lines
+
+
+def _words_within(words: Sequence[ZoneWord], box: Box) -> list[str]:
+    """The lines of the words whose middle lies in a box."""
+    lines: dict[int, list[str]] = {}
+    for word in words:
+        x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
+        if box[0] <= x <= box[2] and box[1] <= y <= box[3]:
+            lines.setdefault(word.line, []).append(word.text)
+    return [" ".join(own) for own in lines.values()]
 
 
 def _lines_within(zone: Zone, box: Box) -> list[str]:
