@@ -118,6 +118,7 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
     right = next((model for model in models if model.name == verified.verified_class), None)
     shown = await _corrected(state, given, adaptation)
     warnings += await asyncio.to_thread(_new_labels, right, adaptation)
+    warnings += adaptation.warnings
     if not adaptation.zones:
         warnings.append(NOTHING_LEARNED)
     draft = replace(
@@ -163,7 +164,7 @@ async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptati
         fields=fields,
         continues=continues,
         tolerated_error=tolerated_errors_of(name or "*", state.settings.tolerated_errors)[None],
-        items=next((one.items for one in reversed(known) if one.items), ()),
+        items=adaptation.columns,
         tables=adaptation.tables,
     )
     return await state.engine.submit(state.operations.correct_result, found, given.zones, correction)
@@ -192,7 +193,7 @@ def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[War
     """Warnings about labels that the class has not had yet, each with the nearest existing label."""
     if model is None:
         return []
-    known = labels_of(json.loads(model.document))
+    known = (*labels_of(json.loads(model.document)), *adaptation.columns)
     given = dict.fromkeys(zone.get("label") for zone in adaptation.sample["zones"])
     new = [label for label in given if label is not None and label not in known]
     warnings = []

@@ -146,8 +146,8 @@ class Feedback(Answer):
     )
     warnings: list[Warning] = Field(
         description="`new-label`: a label that the class did not have. `earlier-lesson-kept`: earlier feedback on the "
-        "result could not be taken back. `nothing-learned`: the page has no zones. `rolled-back`, `replaced`: a "
-        "repeated feedback is not in effect any more."
+        "result could not be taken back. `nothing-learned`: the page has no zones. `two-cells-in-line`: of one column "
+        "of a table. `rolled-back`, `replaced`: a repeated feedback is not in effect any more."
     )
 
 

@@ -8,7 +8,7 @@ from fastapi import Path
 from pydantic import AfterValidator, Field
 
 from app.schemas.layout import MODEL_NAME_PATTERN
-from services.contract.answers.page import Answer
+from services.contract.answers.page import Answer, Warning
 
 
 def checked_name(name: str) -> str:
@@ -83,6 +83,10 @@ class InitializedModel(Answer):
     samples: int = Field(ge=1, description="Number of pages that it was made from.")
     labels: dict[str, int] = Field(
         description="Its labels, and the number of zones of the samples with each."
+    )
+    warnings: list[Warning] = Field(
+        default=[],
+        description="Of the table of the class: `column-without-cells`, `column-outside-rows`, `two-cells-in-line`.",
     )
 
 

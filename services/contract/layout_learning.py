@@ -1,10 +1,11 @@
 """Input and output of learning: from feedback on one page, and in training rounds over all samples."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Generic, Literal, NotRequired, TypedDict, TypeVar
 
 from services.contract.answers.learning import GivenText, LabellingCosts, Round, WrongLabel
+from services.contract.answers.page import Warning
 from services.contract.fields import FieldSetting
 from services.contract.model_json import ModelJson
 from services.contract.page_json import PageJson, SampleJson
@@ -92,6 +93,10 @@ class Adaptation:
         Number of zones of the page, without cells.
     tables
         The tables of the page by the verified class's model after learning; None where this may not change them.
+    columns
+        The labels of the columns of the verified class's table.
+    warnings
+        What is doubtful in the cells that the person labelled.
     """
 
     documents: dict[str, ModelJson]
@@ -100,6 +105,8 @@ class Adaptation:
     sample: SampleJson
     zones: int
     tables: list[TableJson] | None = None
+    columns: tuple[str, ...] = ()
+    warnings: list[Warning] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +140,7 @@ class Correction:
     tolerated_error
         Of the class, as the operator states it.
     items
-        The columns of the class's table, by its settings.
+        The columns of the class's table.
     tables
         As of the `Adaptation`.
     """

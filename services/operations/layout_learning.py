@@ -25,12 +25,13 @@ from services.layout.model.model_document import model_to_document
 from services.layout.page import InvalidLayout, Page, Zone
 from services.layout.tables.learning import gathered_samples, learn_table, table_page
 from services.layout.tables.reading import TablePlan, read_tables
+from services.layout.tables.sample_doubts import doubts_of_rows
 from services.layout.tables.table_model import TableModel
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_zones
 from services.operations.layout_tables import describe_tables
 from services.operations.page_zones import exchange_limits, read_kept_page
-from services.operations.replies import to_json_ready
+from services.operations.replies import describe_warnings, to_json_ready
 from services.operations.stored_models import read_model
 from services.progress import report_progress
 
@@ -65,7 +66,10 @@ def adapt_models(
     whole = verified.read_by(lambda page: features.measure_page(read_kept_page(page, settings)))
     named = {stored.name: read_model(stored) for stored in models}
     right = named.get(verified.verified_class or "")
-    read, cells, table = _without_cells(whole, None if right is None else right.table, items)
+    before = None if right is None else right.table
+    columns = before.labels if before is not None else ()
+    columns = (*columns, *(label for label in items if label not in columns))
+    read, cells, table = _without_cells(whole, before, columns)
     if right is not None:  # checked before learning: tables for hundreds of labels take gigabytes
         kept = verified.found_labels if verified.found_class == verified.verified_class else {}
         given = {verified.labels.get(zone.id, kept.get(zone.id)) for zone in read.page.zones}
@@ -100,6 +104,10 @@ def adapt_models(
         sample=_sample(replace(whole.page, zones=(*zones, *cells)), whole.found_page),
         zones=len(zones),
         tables=None if right is None else _tables_again(whole, models, right.name, table, bool(cells)),
+        columns=columns,
+        warnings=describe_warnings(
+            doubts_of_rows([table_page(replace(whole.page, zones=cells), None, columns)])
+        ),
     )
 
 
@@ -122,15 +130,13 @@ def _tables_again(
 
 
 def _without_cells(
-    verified: VerifiedPage[Page], known: TableModel | None, items: Sequence[str]
+    verified: VerifiedPage[Page], known: TableModel | None, columns: tuple[str, ...]
 ) -> tuple[VerifiedPage[Page], tuple[Zone, ...], TableModel | None]:
     """The page without the cells that a person labelled, these cells, and the table that has learned from them.
 
     The layout graph does not know cells: they teach the table of the class, the first one too. `known` is the table
-    before; columns of the settings (`items`) that it lacks are added.
+    before, `columns` are those after.
     """
-    columns = known.labels if known is not None else ()
-    columns = (*columns, *(label for label in items if label not in columns))
     kept = verified.found_labels
     given = {zone.id: verified.labels.get(zone.id, kept.get(zone.id)) for zone in verified.page.zones}
     cells = tuple(

@@ -164,6 +164,7 @@ def test_a_class_is_made_of_its_samples(client: httpx.Client) -> None:
         "version": 1,
         "samples": 2,
         "labels": {"sender": 2, "body": 2, "date": 1},
+        "warnings": [],
     }
     assert client.get("/layout/models/letter").json() == model_document("letter", "sender", "body", "date")
     (version,) = client.get("/layout/models/letter/versions").json()["versions"]

@@ -80,7 +80,7 @@ def labelled_rows(page: TablePage) -> list[LabelledRow]:
     rows: list[tuple[Box, dict[str, tuple[ZoneWord, ...]]]] = []
     for label, box, own in sorted(cells, key=lambda each: each[1][1]):
         for place, (around, row) in enumerate(rows):
-            if label not in row and _common_height(box, around) > _SAME_ROW:
+            if label not in row and common_height(box, around) > _SAME_ROW:
                 row[label] = own
                 rows[place] = _hull(around, box), row
                 break
@@ -99,7 +99,8 @@ def _inside(words: Sequence[ZoneWord], box: Box) -> tuple[ZoneWord, ...]:
     return tuple(word for word in words if is_inside(word))
 
 
-def _common_height(a: Box, b: Box) -> float:
+def common_height(a: Box, b: Box) -> float:
+    """Common height of two boxes as a share of the lower one's; negative where they have none."""
     return (min(a[3], b[3]) - max(a[1], b[1])) / max(1e-6, min(a[3] - a[1], b[3] - b[1]))
 
 

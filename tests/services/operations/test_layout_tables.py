@@ -90,6 +90,22 @@ def test_without_columns_the_same_labels_are_those_of_zones() -> None:
     assert "amount" in draft.labels
 
 
+def test_what_is_doubtful_in_cells_is_said() -> None:
+    samples: list[Any] = [sample(ALDER, seed) for seed in range(2)]
+    codes = [each.code for each in initialize_from_samples("invoice", samples, SETTINGS, ITEMS).warnings]
+    assert codes == []
+    named = [*ITEMS, "total", "discount"]
+    doubled = {**given_cells(made(ALDER, 0)[0])[0], "id": "again"}
+    doubled["box"] = [doubled["box"][2] + 5, doubled["box"][1], doubled["box"][2] + 20, doubled["box"][3]]
+    samples[0]["zones"].append(doubled)
+    warnings = initialize_from_samples("invoice", samples, SETTINGS, named).warnings
+    assert [each.code for each in warnings] == [
+        "column-without-cells", "column-outside-rows", "two-cells-in-line",
+    ]  # fmt: skip
+    for warning, label in zip(warnings, ("'discount'", "'total'", "'description'"), strict=True):
+        assert label in warning.detail
+
+
 def test_a_kept_page_has_its_table_with_typed_values(document: dict[str, Any]) -> None:
     [page] = made(ALDER, 20)
     found = recognize_again(found_page(page), [stored(document)], SETTINGS, words=False)
