@@ -24,15 +24,7 @@ from services.layout.tables.column_evidence import (
 from services.layout.tables.column_products import product_rule, row_fits, with_products
 from services.layout.tables.column_splits import split_at_numbers
 from services.layout.tables.found_table import FoundCell, FoundTable
-from services.layout.tables.print_rows import (
-    NUMERIC,
-    Segment,
-    em_of,
-    kind_of,
-    page_words,
-    printed_rows,
-    segments_of,
-)
+from services.layout.tables.print_rows import Segment, em_of, page_words, printed_rows, segments_of
 from services.layout.tables.row_cells import (
     NEXT_ROW,
     PageRows,
@@ -45,6 +37,7 @@ from services.layout.tables.row_cells import (
 )
 from services.layout.tables.table_body import TableBody, find_body, lines_of_items
 from services.layout.tables.table_model import TableModel
+from services.layout.values.kinds import NUMERIC, kind_of
 
 MOST_TABLES = 4
 """Of a page."""

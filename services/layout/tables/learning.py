@@ -12,18 +12,17 @@ from services.layout.tables.finding import find_tables
 from services.layout.tables.found_table import FoundTable
 from services.layout.tables.gathering import gather_zones
 from services.layout.tables.print_rows import (
-    NUMERIC,
     PrintedRow,
     Segment,
     box_of,
     em_of,
     header_words,
-    kind_of,
     page_words,
     printed_rows,
     segments_of,
 )
 from services.layout.tables.table_model import MOST_HEADER_WORDS, ColumnModel, Sums, TableModel
+from services.layout.values.kinds import NUMERIC, kind_of
 
 _SAME_ROW = 0.3
 """Common height of two cells of a row, as a share of the lower one."""

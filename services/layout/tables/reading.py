@@ -15,8 +15,9 @@ from services.layout.tables.column_products import product_rule, row_fits
 from services.layout.tables.finding import find_tables
 from services.layout.tables.found_table import FoundCell, FoundTable
 from services.layout.tables.item_table import ItemTable, TableCell, TableChecks
-from services.layout.tables.print_rows import em_of, kind_of, page_words, printed_rows, segments_of
+from services.layout.tables.print_rows import em_of, page_words, printed_rows, segments_of
 from services.layout.tables.table_model import TableModel
+from services.layout.values.kinds import kind_of
 from services.layout.values.typed_value import find_value, plain_text
 
 _MOST_CERTAIN = 0.995
