@@ -1,6 +1,8 @@
 """Tables as workers make them: models with the columns of settings, answers, feedback, documents of several pages."""
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import pytest
@@ -11,11 +13,15 @@ from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, Correction, RevisedPage, VerifiedPage
 from services.contract.page_json import PageJson, SampleJson
 from services.layout.model.model_document import model_from_document
+from services.layout.page import Page
+from services.layout.recognition.page_recognition import VersionedModel
+from services.layout.recognition.results import ClassMatch, Recognition
 from services.layout.tables.print_rows import em_of, page_words, printed_rows, segments_of
 from services.operations.corrected_result import correct_result
 from services.operations.layout_again import recognize_again
 from services.operations.layout_learning import adapt_models, revise_page, train_model
 from services.operations.layout_models import import_model, initialize_from_samples
+from services.operations.layout_tables import SegmentedPage, recognize_view
 from simulation.invoice_firms import Firm
 from simulation.invoice_pages import ITEMS, InvoicePage
 from tests.services.layout.tables.invoices import AHRENS, ALDER, made, printed
@@ -135,6 +141,25 @@ def test_cells_that_a_person_labels_teach_the_table_and_stay_in_the_sample(docum
     assert {node["label"] for node in adaptation.documents["invoice"]["nodes"]}.isdisjoint(ITEMS)
     assert sum(zone["label"] in ITEMS for zone in adaptation.sample["zones"]) == len(cells)
     assert [wrong.zone for wrong in adaptation.wrong] == []
+
+
+@pytest.mark.parametrize(("nearest", "views"), [("invoice", ["gathered"]), ("letter", ["gathered", "plain"])])
+def test_pages_of_a_class_without_a_table_are_matched_as_they_are(
+    document: dict[str, Any], nearest: str, views: list[str]
+) -> None:
+    model = model_from_document(document)
+    models = [VersionedModel(model, 1), VersionedModel(replace(model, name="letter", table=None), 1)]
+    gathered, plain = ([(Page(1.0, 1.0, ()), None)] for _ in range(2))
+    seen: list[str] = []
+
+    def recognize(pages: Sequence[SegmentedPage]) -> Recognition:
+        seen.append("gathered" if pages is gathered else "plain")
+        return Recognition(pages[0][0], (), None, (ClassMatch(nearest, 1, 0.0, 1.0),))
+
+    view, _ = recognize_view(gathered, plain, models, recognize)
+    assert (seen, view is gathered) == (views, nearest == "invoice")
+    assert recognize_view(plain, plain, models, recognize)[0] is plain
+    assert len(seen) == len(views) + 1
 
 
 def test_training_keeps_the_table(document: dict[str, Any]) -> None:
