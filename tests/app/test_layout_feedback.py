@@ -14,7 +14,8 @@ from app.storage.layout_store import DATABASE
 from models.errors import VersionConflict
 from models.records import ResultDraft
 from models.repository import Store
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.app.test_layout_models import add_samples, labelled
 from tests.app.test_problems import assert_problem

@@ -11,7 +11,8 @@ import pytest
 
 from app.learning import samples as model_samples
 from tests.app.raw import connect, head, read_answer
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 from tests.app.test_uploads import code
