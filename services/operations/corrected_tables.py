@@ -9,7 +9,7 @@ from typing import cast
 
 from services.contract.fields import FieldSetting
 from services.contract.layout_learning import Correction
-from services.contract.result_json import CellJson, LabelledZoneJson, ResultJson, TableJson
+from services.contract.result_json import CellJson, FoundCellJson, LabelledZoneJson, ResultJson, TableJson
 from services.layout.learning.revised_zones import are_one_place
 from services.layout.values.typed_value import find_value, plain_text
 
@@ -102,7 +102,9 @@ def _put(tables: list[_Table], zone: LabelledZoneJson, correction: Correction) -
     for _, table, row in rows:
         for other in [other for other, each in row.items() if id(each) not in table.given]:
             if _is_inside(row[other]["box"], box) or (other == label and _is_inside(box, row[other]["box"])):
-                del row[other]
+                replaced = row.pop(other)
+                if replaced["text"] != cell["text"]:
+                    cell["found"] = FoundCellJson(text=replaced["text"], confidence=replaced["confidence"])
     near = [each for each in rows if each[0] > _SAME_ROW and id(each[2].get(label)) not in each[1].given]
     if near:
         _, table, row = max(near, key=lambda each: each[0])
@@ -112,6 +114,8 @@ def _put(tables: list[_Table], zone: LabelledZoneJson, correction: Correction) -
             tables.append(_Table(empty))
         table, row = min(tables, key=lambda each: _distance(box, each.found["box"])), {}
         table.rows.append(row)
+    if (beside := row.get(label)) is not None and beside["text"] != cell["text"]:
+        cell["found"] = FoundCellJson(text=beside["text"], confidence=beside["confidence"])
     row[label] = cell
     table.given.add(id(cell))
 

@@ -209,6 +209,7 @@ def test_a_corrected_cell_shows_in_the_table(document: dict[str, Any]) -> None:
     [table] = result["tables"]
     shown = table["rows"][2][3]
     assert (shown["value"], shown["confidence"]) == ("1234.50", 1.0)
+    assert shown["found"]["text"] == row["amount"].text
     assert table["checks"] == {"products": None, "unlike_rows": [], "sum": None}
     assert "amount" not in {field["label"] for field in result["fields"]}
     assert [(text.found, text.verified) for text in revised.texts] == [(row["amount"].text, "1,234.50")]
