@@ -1,6 +1,6 @@
 """Input and output of operations on layout models: initialization, comparison, proposals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from services.contract.answers.learning import Change
 from services.contract.answers.page import Warning
@@ -26,10 +26,11 @@ class MeasuredSample:
 
 @dataclass(frozen=True, slots=True)
 class ModelDraft:
-    """A layout model without a version number, and its labels."""
+    """A layout model without a version number, its labels, and what was doubtful in the samples of its table."""
 
     document: ModelJson
     labels: list[str]
+    warnings: list[Warning] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from services.layout.page import Page
 from services.layout.recognition.label_evidence import zone_shares
 from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, Line, compose_with_lines
-from services.layout.segmentation.measures import SAME_ROW
+from services.layout.segmentation.measures import rows_of_lines
 from services.ocr.engine import Word
 
 MOST_PARTS = 200
@@ -300,7 +300,8 @@ def _without_taken(
         return
     together: list[int] = []
     before: str | None = None
-    for row in _rows(fine, block):
+    for places in rows_of_lines([fine.lines[part] for part in block], fine.boxes[list(block), 0].tolist()):
+        row = [block[place] for place in places]
         runs = [(label, list(run)) for label, run in groupby(row, key=lambda part: taken[part])]
         for label, run in runs:
             if together and (len(runs) > 1 or label != before):
@@ -313,18 +314,3 @@ def _without_taken(
             together = []
     if together:
         yield tuple(together)
-
-
-def _rows(fine: FinePage, block: Sequence[int]) -> Iterator[list[int]]:
-    """Parts of a block by rows from the top, each from left to right."""
-    ordered = sorted(block, key=lambda part: fine.lines[part].baseline)
-    row: list[int] = []
-    for part in ordered:
-        if row:
-            first, own = fine.lines[row[0]], fine.lines[part]
-            if own.baseline - first.baseline > SAME_ROW * min(first.em, own.em):
-                yield sorted(row, key=lambda each: fine.boxes[each, 0])
-                row = []
-        row.append(part)
-    if row:
-        yield sorted(row, key=lambda each: fine.boxes[each, 0])

@@ -25,7 +25,7 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     drawn
         The page with the person's zones and labels.
     """
-    return replace(drawn, zones=tuple(_revised(zone, page.zones) for zone in drawn.zones))
+    return replace(drawn, zones=tuple(_revised(zone, page) for zone in drawn.zones))
 
 
 def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
@@ -33,22 +33,39 @@ def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
     return max(abs(a - b) for a, b in zip(first, second, strict=True)) <= _SAME_PX
 
 
-def _revised(drawn: Zone, found: Sequence[Zone]) -> Zone:
-    under = [(zone, area) for zone in found if (area := _common_area(zone.box, drawn.box)) > 0]
-    for zone, _ in under:
-        if are_one_place(zone.box, drawn.box):
-            return _with_given(replace(zone, id=drawn.id, label=drawn.label), drawn)
+def zone_at(box: Sequence[float], found: Sequence[Zone]) -> Zone | None:
+    """The found zone whose place a box has; None where it has that of none."""
+    return next((zone for zone in found if are_one_place(zone.box, box)), None)
+
+
+def is_text_known(page: Page, box: Box) -> bool:
+    """Whether the zones of a page say what is read in a box: not where they have a text and its words have no place."""
+    under = [zone for zone in page.zones if zone.text and _common_area(zone.box, box) > 0]
+    if not under or zone_at(box, page.zones) is not None:
+        return True
+    return any(zone.words or any(_lines_within(zone, box)) for zone in under)
+
+
+def _revised(drawn: Zone, page: Page) -> Zone:
+    under = [(zone, area) for zone in page.zones if (area := _common_area(zone.box, drawn.box)) > 0]
+    same = zone_at(drawn.box, page.zones)
+    if same is not None:
+        return _with_given(replace(same, id=drawn.id, label=drawn.label), drawn)
     if not under:
-        return drawn
+        rows = _rows_within(page.loose, drawn.box)
+        return _with_given(replace(drawn, text=_text(rows), words=_words(rows)), drawn)
     nearest = max(under, key=lambda each: each[1] / (_area(each[0].box) + _area(drawn.box) - each[1]))[0]
-    rows = [row for zone, _ in under for row in _words_within(zone, drawn.box)]
+    rows = [row for zone, _ in under for row in _rows_within(zone.words, drawn.box)]
     lines = [line for zone, _ in under if not zone.words for line in _lines_within(zone, drawn.box)]
-    texts = [*(" ".join(word.text for word in row) for row in rows), *(line for line in lines if line)]
+    if not rows and not any(lines):
+        rows = _rows_within(page.loose, drawn.box)
+    printed = sum(len(_lines_within(zone, drawn.box)) for zone, _ in under)
+    texts = [*filter(None, (_text(rows), *lines))]
     measured = Zone(
         id=drawn.id,
         box=drawn.box,
         kind="text" if rows else nearest.kind,
-        lines=len(rows) + len(lines) or None,
+        lines=max(printed, len(rows) + len(lines)) or None,
         font_size=_mean(under, "font_size"),
         line_spacing=_mean(under, "line_spacing"),
         weight=_mean(under, "weight"),
@@ -56,7 +73,7 @@ def _revised(drawn: Zone, found: Sequence[Zone]) -> Zone:
         appearance=nearest.appearance if len(under) == 1 else None,
         text="\n".join(texts),
         label=drawn.label,
-        words=() if lines else tuple(replace(word, line=k) for k, row in enumerate(rows) for word in row),
+        words=() if lines else _words(rows),
     )
     return _with_given(measured, drawn)
 
@@ -75,14 +92,22 @@ def _with_given(measured: Zone, drawn: Zone) -> Zone:
     return replace(measured, **given)
 
 
-def _words_within(zone: Zone, box: Box) -> list[list[ZoneWord]]:
-    """The words of a found zone whose centres lie in a box, by rows; a value in a line is a part of the zone."""
+def _rows_within(words: Sequence[ZoneWord], box: Box) -> list[list[ZoneWord]]:
+    """The words whose centres lie in a box, by rows; a value in a line is a part of the zone."""
     rows: dict[int, list[ZoneWord]] = {}
-    for word in zone.words:
+    for word in words:
         x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
         if box[0] <= x <= box[2] and box[1] <= y <= box[3]:
             rows.setdefault(word.line, []).append(word)
     return list(rows.values())
+
+
+def _text(rows: Sequence[Sequence[ZoneWord]]) -> str:
+    return "\n".join(" ".join(word.text for word in row) for row in rows)
+
+
+def _words(rows: Sequence[Sequence[ZoneWord]]) -> tuple[ZoneWord, ...]:
+    return tuple(replace(word, line=number) for number, row in enumerate(rows) for word in row)
 
 
 def _lines_within(zone: Zone, box: Box) -> list[str]:

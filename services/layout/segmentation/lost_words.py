@@ -18,6 +18,7 @@ from services.layout.segmentation.frame import LevelledFrame
 from services.layout.segmentation.measures import SAME_ROW
 from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line
 from services.layout.segmentation.words import is_sign, is_word
+from services.layout.word_rows import rows_of_words
 from services.ocr.engine import MADE_UP, Word
 
 _SURE = 0.6
@@ -158,16 +159,10 @@ def _held(fine: FinePage) -> set[tuple[str, tuple[float, float, float, float]]]:
 
 def _rows(words: Sequence[Word]) -> Iterator[list[Word]]:
     """Words of one row without a wide space between them, from left to right."""
-    left = sorted(words, key=lambda word: word.box[1] + word.box[3])
-    while left:
-        first = left[0]
-        middle, height = (first.box[1] + first.box[3]) / 2, first.box[3] - first.box[1]
-        row = [word for word in left if abs((word.box[1] + word.box[3]) / 2 - middle) <= SAME_ROW * height]
-        left = [word for word in left if word not in row]
-        row.sort(key=lambda word: word.box[0])
+    for row in rows_of_words(words):
         part = row[:1]
         for word in row[1:]:
-            if word.box[0] - part[-1].box[2] > _COLUMN_GAP * height:
+            if word.box[0] - part[-1].box[2] > _COLUMN_GAP * (part[0].box[3] - part[0].box[1]):
                 yield part
                 part = []
             part.append(word)
