@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from services.layout.graph.zone_words import LONGEST_TOKEN
 from services.layout.page import Box, Page, ZoneWord
 
 MOST_WORDS = 4000
@@ -32,7 +33,6 @@ KINDS = ("integer", "percent", "amount", "decimal", "date", "code", "short", "wo
 NUMERIC = frozenset(("integer", "amount", "decimal", "percent"))
 """Kinds of texts that are a number."""
 _LETTERS = re.compile(r"[^\W\d_]+|[#%]")
-_LONGEST_TOKEN = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def kind_of(text: str) -> str:
 
 def header_words(text: str) -> list[str]:
     """Words of a header in small letters, and the signs that stand for words there."""
-    return [word.casefold()[:_LONGEST_TOKEN] for word in _LETTERS.findall(text)]
+    return [word.casefold()[:LONGEST_TOKEN] for word in _LETTERS.findall(text)]
 
 
 def box_of(words: Sequence[ZoneWord]) -> Box:

@@ -29,6 +29,8 @@ ENLARGED_SIDE_PX = 1000
 MOST_ENLARGEMENT = 3.0
 STROKE_TEXT_HEIGHT_PX = 20.0
 """Minor flow: above this text height, strokes gain nothing from more pixels."""
+STRAY_SHARE = 0.005
+"""Of all characters: so many may be specks, wherever they lie."""
 MIN_FLOW_SAMPLES = 6
 
 

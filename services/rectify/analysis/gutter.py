@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Points, RgbImage, Vector
 from services.geometry.homographies import to_resized
 from services.imaging.channels import log_brightness
+from services.imaging.long_edges import LONG_SIDE_PX
 from services.imaging.reduction import reduce_image
 from services.robust import cauchy_weights, fit_reweighted
 from services.texture_flow.field import FlowSamples, angle_difference
@@ -55,7 +56,6 @@ CENTRAL = 0.1
 """Its distance from the middle of the text, as a share of the text's width, at most."""
 PAGE_ASPECTS = (0.5, 1.0)
 """Width over height of the photo's part on either side of it; half of an upright sheet of paper is narrower."""
-LONG_SIDE_PX = 700
 PAPER_PERCENTILE = 75.0
 """Of the brightness along a line through text: paper."""
 

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Points, RgbImage, Vector
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import log_brightness
-from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
+from services.imaging.long_edges import LONG_SIDE_PX, LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
 from services.imaging.reduction import Halves, reduce_image
+from services.rectify.analysis.found_text import STRAY_SHARE
 from services.rectify.analysis.gutter import (
-    LONG_SIDE_PX,
     PAGE_GAP,
     Gutter,
     direction_jump,
@@ -63,8 +63,6 @@ CUT_WORTH = 0.5
 """Of a character on a page that is cut off, when the main page is chosen."""
 SAME_PAPER_SHARE = 0.5
 """Of the characters beyond an edge, when they lie on paper like the main page's."""
-STRAY_SHARE = 0.005
-"""A smaller share of stray characters does no harm and is kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

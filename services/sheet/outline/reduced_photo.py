@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized
 from services.imaging.channels import length_of_channels
-from services.imaging.reduction import Halves
+from services.imaging.reduction import GROUND_PX, Halves
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +19,6 @@ class ReductionParameters:
 
     medium_long_side_px: int = 1600
     """Edges are followed at half of this at least, before they are measured in the photo itself."""
-    long_side_px: int = 400
-    """A sheet's sides are then some hundred pixels long and print is a few pixels high."""
     closing: float = 1 / 60
     """Of the long side: wider than a line of print."""
     contrast: tuple[float, float] = (3.0, 8.0)
@@ -76,8 +74,8 @@ def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     p = ReductionParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
-    factor = min(1.0, p.long_side_px / max(height, width))
-    small, _ = _halved(halves, 2 * p.long_side_px)
+    factor = min(1.0, GROUND_PX / max(height, width))
+    small, _ = _halved(halves, 2 * GROUND_PX)
     small = _resized(small, round(width * factor), round(height * factor))
     size = (small.shape[1], small.shape[0])
     x0, y0, x1, y1 = window = _without_bands(small, p)
