@@ -66,6 +66,7 @@ from app.routes import (
     uploads,
 )
 from app.routes import jobs as job_routes
+from app.routes.sent_uploads import MANY_FILES
 from app.run_folder import run_folder
 from app.settings import Settings
 from app.state import AppState
@@ -247,7 +248,7 @@ def _add_routes(app: FastAPI, settings: Settings) -> None:
             # The limit of one field must be reached before that of all fields, because its message names the field.
             spare = settings.max_zones_bytes + MAX_FIELD_BYTES
             # The form accepts more files than a stack may have pages: the error is about pages, not about the form.
-            files = max(layout.FEWEST_FILES, 2 * settings.max_pages, 2 * settings.max_stack_pages)
+            files = max(MANY_FILES, 2 * settings.max_pages, 2 * settings.max_stack_pages)
             app.include_router(router, form_limits={"max_part_size": spare, "max_files": files})
         else:
             app.include_router(router)

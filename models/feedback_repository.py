@@ -31,12 +31,12 @@ from models.queries import (
     require_storable,
     require_version,
 )
+from models.records import MOST_INTEGER
 from models.tables import FeedbackModelRow, FeedbackRow, ModelRow, ReviewRow, SampleRow, UnknownPageRow
 from models.transactions import Transactions
 
 HEALTH_WINDOW = 50
 """Number of recent feedbacks. With it an error of 5 % has a standard deviation of 3 %."""
-_MOST_ZONES = 2**31 - 1  # of the column
 Versions = dict[str, tuple[int | None, int]]
 
 
@@ -257,7 +257,7 @@ def _require_feedback(draft: FeedbackDraft, changes: Sequence[ModelChange]) -> N
     for name in (draft.found_class, draft.verified_class):
         if name is not None:
             require_storable(name, "name")
-    if not 0 <= draft.wrong_zones <= draft.zones <= _MOST_ZONES:
+    if not 0 <= draft.wrong_zones <= draft.zones <= MOST_INTEGER:
         raise NotStorable(f"of {draft.zones} zones {draft.wrong_zones} cannot be wrong")
     if len({change.name for change in changes}) != len(changes):
         raise NotStorable("a model can change once in a feedback")

@@ -12,6 +12,7 @@ from models.documents import decode_document, encode_document
 from models.errors import ModelNotFound, NotStorable, SampleNotFound, StoreFull, VersionConflict
 from models.records import (
     MAX_NAME,
+    MOST_INTEGER,
     AnyVersion,
     ClassSummary,
     ExpectedVersion,
@@ -35,7 +36,6 @@ READ_AT_ONCE = 8
 """Rows with documents; each has a few MB at most."""
 IDS_AT_ONCE = 500
 """Ids in one statement; SQLite accepts 32,766 parameters."""
-_MAX_VERSION = 2**31 - 1  # of the column
 
 
 def review_of(row: ResultRow, place: ReviewDraft) -> ReviewRow:
@@ -65,7 +65,7 @@ def find_model(session: Session, name: str) -> ModelRow:
 
 
 def find_version(session: Session, row: ModelRow, version: int) -> VersionRow:
-    found = session.get(VersionRow, (row.id, version)) if 0 < version <= _MAX_VERSION else None
+    found = session.get(VersionRow, (row.id, version)) if 0 < version <= MOST_INTEGER else None
     if found is None:
         raise ModelNotFound(f"the model {row.name!r} has no version {version}", row.name)
     return found

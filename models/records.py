@@ -18,6 +18,9 @@ from services.contract.result_json import RecognizedJson, ResultJson, StoredResu
 MAX_NAME = 200
 """Characters of a class's name or of an idempotency key."""
 
+MOST_INTEGER = 2**31 - 1
+"""Of a column: versions, and counts of zones."""
+
 CLOCKS_DIFFER_S = 60.0
 """Clocks of machines that share a database may differ by so much; docs/operations.md asks for a few seconds."""
 

@@ -14,6 +14,8 @@ from starlette.formparsers import FormParser, MultiPartException, MultiPartParse
 
 from services.errors import DocumentError, TooLarge
 
+READ_BYTES = 1 << 20
+"""Of a file at once."""
 LONGEST_NAME = 80
 """Of a part or an option, as errors show it."""
 _FORMS = ("multipart/form-data", "application/x-www-form-urlencoded")

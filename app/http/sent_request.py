@@ -6,9 +6,7 @@ from anyio import to_thread
 from fastapi import Request
 from starlette.datastructures import UploadFile
 
-from app.http.form_parts import has_form
-
-_AT_ONCE_BYTES = 1 << 20
+from app.http.form_parts import READ_BYTES, has_form
 
 
 async def digest_of(request: Request) -> str:
@@ -34,7 +32,7 @@ async def digest_of(request: Request) -> str:
             add(name.encode(), part.encode("utf-8", "surrogatepass"))
             continue
         add(name.encode(), (part.filename or "").encode("utf-8", "surrogatepass"))
-        while data := await part.read(_AT_ONCE_BYTES):
+        while data := await part.read(READ_BYTES):
             await to_thread.run_sync(digest.update, data)
         await part.seek(0)
         add(str(part.size).encode())

@@ -12,13 +12,14 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.engine.base import Busy
 from app.http.connection import while_connected
+from app.http.form_parts import READ_BYTES
 from app.http.paths import PathTemplates
 from app.http.problems import problem_response
 from app.http.upload_places import UploadPlaces
 from app.http.uploads import IS_JOB, ClientGone
 from app.http.wishes import prefers_async
 from app.jobs.registry import KEY_HEADER, JobCancelled, Jobs
-from app.jobs.stored_request import READ_BYTES, describe_request
+from app.jobs.stored_request import describe_request
 from models.job_records import StoredJob
 
 _IN_MEMORY_BYTES = 256 * 1024

@@ -18,6 +18,7 @@ from procrastinate.schema import SchemaManager
 
 from app.jobs.postgresql import CONNECT, RESTART_PAUSE_S, Failure, conninfo_of
 from app.jobs.running import JobRunner
+from app.storage.probe import PROBE_TIMEOUT_S
 from models.errors import StoreError, StoreUnavailable
 from models.job_records import MOST_WAIT_S
 from models.records import CLOCKS_DIFFER_S
@@ -33,7 +34,6 @@ during which a worker does not report to the queue."""
 MOST_TICKETS = 1000
 """Tickets that are added at once."""
 _ANSWER_S = 5.0
-_PROBE_S = 0.7
 _SCHEMA_LOCK = 0x6A6F6273  # key of PostgreSQL's advisory lock: any number that no other program uses
 _TASK = "run_job"
 _MISSING = """
@@ -126,7 +126,7 @@ class QueueDispatch:
         if self._probe is None or self._probe.done():
             self._probe = asyncio.create_task(self._app.connector.execute_query_one_async(_ALIVE))
         probe = self._probe
-        await asyncio.wait((probe,), timeout=_PROBE_S)
+        await asyncio.wait((probe,), timeout=PROBE_TIMEOUT_S)
         if not probe.done() or probe.cancelled() or probe.exception() is not None:
             return None
         return int(probe.result()["alive"])

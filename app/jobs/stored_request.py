@@ -12,13 +12,11 @@ from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Scope
 
-from app.http.form_parts import has_form
+from app.http.form_parts import READ_BYTES, has_form
 from app.logs import trace_of
 from models.job_records import RequestJson
 from services.progress import ProgressSink
 
-READ_BYTES = 1 << 20
-"""Of a file at once."""
 _KEPT_HEADERS = ("accept", "if-match", "if-none-match")
 """Headers that change an answer."""
 RUN = "job_run"

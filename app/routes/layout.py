@@ -46,9 +46,6 @@ from services.progress import ProgressSink
 
 router = APIRouter(tags=["layout"], route_class=UploadFormRoute)
 
-FEWEST_FILES = 64
-"""Smallest limit on the number of files in a form."""
-
 SUFFIXES: dict[LayoutFormat, str] = {"pagexml": ".page", "alto": ".alto", "png": "-labelled", "html": ""}
 """What the file names of results add to that of the upload."""
 ONE_BY_ONE = "the documents of a stack are answered as json; each is a result of its own and has all formats."

@@ -15,7 +15,6 @@ from app.routes.common_responses import BODY, READING, WORK
 from app.routes.model_answers import ETAG, IfMatch
 from app.schemas.layout_models import ModelName
 from app.schemas.layout_versions import (
-    MOST_VERSION,
     Difference,
     RestoredModel,
     RollbackBody,
@@ -26,6 +25,7 @@ from app.schemas.options import Absent
 from app.state import State
 from app.storage.layout_store import document_of, labels_of
 from models.errors import ModelNotFound
+from models.records import MOST_INTEGER
 from models.repository import Store
 from services.contract.layout import ModelDocument
 
@@ -46,7 +46,7 @@ async def layout_model_versions(
     name: ModelName,
     limit: Limit = MOST_LISTED,
     cursor: Annotated[
-        Annotated[int, Field(ge=1, le=MOST_VERSION)] | Absent,
+        Annotated[int, Field(ge=1, le=MOST_INTEGER)] | Absent,
         Query(description="Where the list continues, from the `Link` header of the previous part."),
     ] = None,
 ) -> VersionList:
@@ -76,9 +76,9 @@ async def layout_model_diff(
     request: Request,
     state: State,
     name: ModelName,
-    version: Annotated[int, Path(ge=1, le=MOST_VERSION)],
+    version: Annotated[int, Path(ge=1, le=MOST_INTEGER)],
     against: Annotated[
-        Annotated[int, Field(ge=1, le=MOST_VERSION)] | Absent,
+        Annotated[int, Field(ge=1, le=MOST_INTEGER)] | Absent,
         Query(description="The other version; default: the previous one."),
     ] = None,
     limit: Annotated[

@@ -12,7 +12,7 @@ from app.http.ocr_languages import chosen_language
 from app.routes.kept_pages import keep_photos
 from app.routes.long_work import PREFER, answer_now_or_later
 from app.routes.page_answers import MOSAIC_HEADERS, PageAnswer, answer_page, choose_encoding, documented_page
-from app.routes.sent_uploads import UploadFormRoute
+from app.routes.sent_uploads import MANY_FILES, UploadFormRoute
 from app.schemas.mosaic import MosaicForm
 from app.schemas.options import AskedFormat, CallbackUrl
 from app.state import AppState, State
@@ -21,10 +21,7 @@ from services.contract.answers.mosaic import MosaicResult
 from services.contract.mosaic import MosaicLimits
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["mosaic"], route_class=UploadFormRoute)
-
-MOST_FILES = 64
-"""Larger than the limit of a mosaic, so that the error for too many photos is about photos, not about the form."""
+router = APIRouter(tags=["mosaic"], route_class=UploadFormRoute, form_limits={"max_files": MANY_FILES})
 
 
 @router.post(
@@ -38,7 +35,6 @@ MOST_FILES = 64
     ),
     openapi_extra=PREFER,
     dependencies=[known_parts(MosaicForm)],
-    form_limits={"max_files": MOST_FILES},
 )
 async def mosaic(
     request: Request,

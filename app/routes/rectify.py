@@ -20,7 +20,7 @@ from app.routes.page_answers import (
     flat_pages,
 )
 from app.routes.pages_in_time import flatten_pages
-from app.routes.sent_uploads import UploadFormRoute
+from app.routes.sent_uploads import MANY_FILES, UploadFormRoute
 from app.schemas.options import AskedPagesFormat, CallbackUrl
 from app.schemas.rectify import RectifyForm
 from app.state import AppState, State
@@ -30,10 +30,7 @@ from services.contract.images import Encoding
 from services.errors import InvalidOption
 from services.progress import ProgressSink
 
-router = APIRouter(tags=["rectify"], route_class=UploadFormRoute)
-
-MOST_FILES = 64
-"""More than the route accepts, so that the error for several photos is about photos, not about the form."""
+router = APIRouter(tags=["rectify"], route_class=UploadFormRoute, form_limits={"max_files": MANY_FILES})
 
 
 @router.post(
@@ -47,7 +44,6 @@ MOST_FILES = 64
     ),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyForm)],
-    form_limits={"max_files": MOST_FILES},
 )
 async def rectify(
     request: Request,

@@ -20,6 +20,8 @@ from app.state import AppState, app_state
 from models.records import StoredPage, StoredUpload
 from services.errors import InvalidOption, TooLarge
 
+MANY_FILES = 64
+"""Of a form: more than its route accepts, so that the error for too many photos is about photos, not about the form."""
 UPLOAD = "upload"
 """The part of a form that has the id of an upload."""
 KEPT_PAGE = "kept_page"

@@ -24,7 +24,7 @@ from app.routes.page_answers import (
     Documentation,
     add_failed_pages,
 )
-from app.routes.sent_uploads import UploadFormRoute
+from app.routes.sent_uploads import MANY_FILES, UploadFormRoute
 from app.schemas.mosaic import MosaicForm
 from app.schemas.options import FORMAT
 from app.schemas.rectify import RectifyForm
@@ -33,7 +33,7 @@ from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import EmbeddedFormat, PageReply, TextFormat
 
-router = APIRouter(route_class=UploadFormRoute)
+router = APIRouter(route_class=UploadFormRoute, form_limits={"max_files": MANY_FILES})
 
 Image = Annotated[EmbeddedFormat, FORMAT]
 Text = Annotated[TextFormat, FORMAT]
@@ -115,7 +115,6 @@ _OVERLAP = "not-overlapping"
     responses=_flat("The flat page.", *_IMAGES),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyImageForm)],
-    form_limits={"max_files": rectify.MOST_FILES},
 )
 async def rectify_to_image(
     request: Request, state: State, form: Annotated[RectifyImageForm, Form(media_type="multipart/form-data")]
@@ -132,7 +131,6 @@ async def rectify_to_image(
     responses=_flat("One PDF of all pages.", "application/pdf"),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyPdfForm)],
-    form_limits={"max_files": rectify.MOST_FILES},
 )
 async def rectify_to_pdf(
     request: Request, state: State, form: Annotated[RectifyPdfForm, Form(media_type="multipart/form-data")]
@@ -153,7 +151,6 @@ async def rectify_to_pdf(
     ),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyTextForm)],
-    form_limits={"max_files": rectify.MOST_FILES},
 )
 async def rectify_to_text(
     request: Request, state: State, form: Annotated[RectifyTextForm, Form(media_type="multipart/form-data")]
@@ -173,7 +170,6 @@ async def rectify_to_text(
     ),
     openapi_extra=PREFER,
     dependencies=[known_parts(RectifyPagesForm)],
-    form_limits={"max_files": rectify.MOST_FILES},
 )
 async def rectify_to_pages(
     request: Request, state: State, form: Annotated[RectifyPagesForm, Form(media_type="multipart/form-data")]
@@ -190,7 +186,6 @@ async def rectify_to_pages(
     responses=_joined("The whole page.", *_IMAGES),
     openapi_extra=PREFER,
     dependencies=[known_parts(MosaicImageForm)],
-    form_limits={"max_files": mosaic.MOST_FILES},
 )
 async def mosaic_to_image(
     request: Request, state: State, form: Annotated[MosaicImageForm, Form(media_type="multipart/form-data")]
@@ -207,7 +202,6 @@ async def mosaic_to_image(
     responses=_joined("The whole page as a PDF.", "application/pdf"),
     openapi_extra=PREFER,
     dependencies=[known_parts(MosaicPdfForm)],
-    form_limits={"max_files": mosaic.MOST_FILES},
 )
 async def mosaic_to_pdf(
     request: Request, state: State, form: Annotated[MosaicPdfForm, Form(media_type="multipart/form-data")]
@@ -226,7 +220,6 @@ async def mosaic_to_pdf(
     ),
     openapi_extra=PREFER,
     dependencies=[known_parts(MosaicJsonForm)],
-    form_limits={"max_files": mosaic.MOST_FILES},
 )
 async def mosaic_to_json(
     request: Request, state: State, form: Annotated[MosaicJsonForm, Form(media_type="multipart/form-data")]

@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.options import WHOLE
+from models.records import MOST_INTEGER
 from services.contract.answers.learning import Change
 from services.contract.answers.page import Answer
-
-MOST_VERSION = 2**31 - 1
 
 
 class Version(Answer):
@@ -35,7 +34,7 @@ class RollbackBody(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    version: Annotated[int, Field(ge=1, le=MOST_VERSION), WHOLE]
+    version: Annotated[int, Field(ge=1, le=MOST_INTEGER), WHOLE]
     drop_later_samples: bool = Field(
         default=False, description="Delete the samples that came after that version."
     )

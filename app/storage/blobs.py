@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TypeVar
 
-from app.storage.probe import Probe
+from app.storage.probe import PROBE_TIMEOUT_S, Probe
 from models.blobs import Blobs
 from models.errors import StoreError, StoreUnavailable
 
@@ -18,7 +18,6 @@ ALL_BLOBS = timedelta(days=1)
 """From now: blobs that were written before then are all blobs, even if clocks differ."""
 MOST_THREADS = 4
 """Blobs that are written or read at once; one disk is not faster with more."""
-PROBE_TIMEOUT_S = 0.7
 
 
 class BlobAccess:

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from app.review.decisions import EVIDENCE, decide, place_of_stored
 from app.storage.backup_note import write_note
-from app.storage.probe import Probe
+from app.storage.probe import PROBE_TIMEOUT_S, Probe
 from models.errors import ModelNotFound, StoreError, StoreUnavailable
 from models.records import ResultDraft, StoredModel, UnknownPageDraft
 from models.repository import Store
@@ -36,8 +36,6 @@ MOST_THREADS = 4
 """SQLite allows parallel reads and one write at a time. More threads would only wait for each other."""
 MOST_LISTS = 2
 """Lists of documents that are made at a time, so that they take neither all threads nor much memory."""
-PROBE_TIMEOUT_S = 0.7
-"""Time for the check of the store by `/health/ready`, which answers within a second."""
 PURGE_EVERY_S = 60.0
 PURGE_EVERY_RESULTS = 100
 """Expired results are deleted after this many seconds or this many new results, whichever comes first."""

@@ -6,6 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
+PROBE_TIMEOUT_S = 0.7
+"""Time for a check of the store by `/health/ready`, which answers within a second."""
 
 
 class Probe(Generic[T]):

@@ -12,6 +12,7 @@ from typing import IO
 from anyio import to_thread
 
 from app.engine.base import Busy
+from app.http.form_parts import READ_BYTES
 from app.storage.blobs import ALL_BLOBS, BlobAccess
 from app.storage.layout_store import LayoutStore
 from models.blobs import PART_BYTES, BlobNotFound
@@ -24,7 +25,6 @@ PIECE_BYTES = PART_BYTES
 MOST_PIECES = 1000
 """Of one upload, of 32 MB as of 160: whoever sends less at a time than 160 kB, sends again too often."""
 _FOLDER = "uploads"
-_READ_BYTES = 1 << 20
 _COME_AGAIN_S = 60
 """The next sweep of what has expired."""
 
@@ -122,5 +122,5 @@ def _id_of(key: str) -> str:
 
 def _parts(content: IO[bytes]) -> Iterator[bytes]:
     content.seek(0)
-    while part := content.read(_READ_BYTES):
+    while part := content.read(READ_BYTES):
         yield part

@@ -20,25 +20,39 @@ MOST_MARGIN = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class RectifyParameters:
-    """Options of one rectification. The fields have the names of the HTTP contract.
+class PageParameters:
+    """Options of a page, whether it is in one photo or in several. All fields have the names of the HTTP contract.
+
+    `text` reads the page in `language` (`eng+fra`; None: the default). `camera` names the camera of all photos, None:
+    as EXIF names it; `cameras` are those that are remembered. `keep_photo`: the reply has what later answers need
+    (`services.contract.kept_pages`).
+    """
+
+    upright: bool = True
+    text: bool = False
+    language: str | None = None
+    camera: str | None = None
+    cameras: tuple[CameraMemory, ...] = ()
+    keep_photo: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RectifyParameters(PageParameters):
+    """Options of one rectification.
 
     `region` is a polygon ((x, y), ...) around the text of the page, in pixels of the EXIF-upright photo. `crop` selects
     the visible area: the sheet cut at its edges, the text with margins, or the photo around the page. `pages` "both"
-    selects both pages of an open book. `paper` is `auto`, `none`, a paper format, or `210x297` in millimetres. `text`
-    reads the page in `language` (`eng+fra`; None: the default). `on_no_text` "keep" passes a photo through as it is
-    when nothing shows the shape of its page; None: where there are several pages. `preview` describes the page from a
-    reduced photo and draws nothing. `camera` names the camera, None: as EXIF names it; `cameras` are those that are
-    remembered.
+    selects both pages of an open book. `paper` is `auto`, `none`, a paper format, or `210x297` in millimetres.
+    `on_no_text` "keep" passes a photo through as it is when nothing shows the shape of its page; None: where there are
+    several pages. `preview` describes the page from a reduced photo and draws nothing.
 
     `corners` are those of the sheet in each page's photo, pixels of the EXIF-upright photo; none, or one entry for each
     page, None where they are sought. `rotate` is the turn of each page's view in place of the one that is found, None
     where it is sought; a single entry is that of all pages. `margin` is what is shown around the cut, percent of the
-    page's width. `keep_photo`: the reply has what later answers need (`services.contract.kept_pages`).
+    page's width.
     """
 
     kind: PageKind = "auto"
-    upright: bool = True
     focal_length_px: float | None = None
     region: tuple[tuple[float, float], ...] | None = None
     illumination: Illumination = "keep"
@@ -46,15 +60,10 @@ class RectifyParameters:
     pages: Pages = "main"
     paper: str = "auto"
     on_no_text: OnNoText | None = None
-    text: bool = False
-    language: str | None = None
     preview: bool = False
-    camera: str | None = None
-    cameras: tuple[CameraMemory, ...] = ()
     corners: tuple[Corners | None, ...] = ()
     rotate: tuple[Rotation | None, ...] = (None,)
     margin: float = 0.0
-    keep_photo: bool = False
 
     @property
     def page_corners(self) -> Corners | None:

@@ -15,6 +15,7 @@ from PIL import ImageCms
 
 from services.contract.images import PdfVersion
 from services.documents.glyphless_font import UNITS, WIDTH, glyph_of_every_character, make_glyphless_font
+from services.imaging.page_images import POINTS_PER_INCH
 from services.ocr.engine import Word
 from services.text.page_text import Box, PageText, ReadLine, is_right_to_left, needs_space
 
@@ -24,7 +25,6 @@ _LOW_WORD = 0.6
 Words of letters without ascenders are as low (0.45 to 0.55), and keep their own rows."""
 _MOST_RANGES = 100
 """Entries of a `bfchar` section (Adobe Technical Note 5014)."""
-_POINTS_PER_INCH = 72.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,7 @@ def _add_layer(
     name = page.add_resource(font, pikepdf.Name.Font, pikepdf.Name("/FText"))
     low = float(page.mediabox[0]), float(page.mediabox[1])
     height = float(page.mediabox[3]) - low[1]
-    scale = _POINTS_PER_INCH / dpi
+    scale = POINTS_PER_INCH / dpi
     parts = ["q BT 3 Tr"]
     for line in text.lines:
         for index, word in enumerate(line.words):

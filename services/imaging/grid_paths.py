@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Vector
 
+SHIFT_COST = 0.02
+"""Of a path for a step of one column from row to row, in full edges: edges of paper are straight or bend gently."""
 FEW_PATHS = 6
 """Up to which paths are traced one after the other: a step of one takes 5 us, a step of all together 30."""
 

@@ -15,7 +15,7 @@ from scipy.ndimage import median_filter
 
 from services.arrays import Floats, Mask, Points, RgbImage, Vector
 from services.imaging.channels import mean_of_channels
-from services.imaging.reduction import Halves, reduce_image
+from services.imaging.reduction import GROUND_PX, Halves, reduce_image
 
 SIDES = ("top", "right", "bottom", "left")
 """Of the photo's frame, in the order of the depths of slivers."""
@@ -27,7 +27,6 @@ CUT_PERCENTILE = 25.0
 class GroundParameters:
     """Lengths are shares of the photo's long side, differences of brightness those of its logarithm."""
 
-    long_side_px: int = 400
     sliver_side_px: int = 1000
     """Of the copy on which slivers are measured."""
     closing: float = 1 / 22
@@ -111,7 +110,7 @@ def find_ground(photo: RgbImage | Halves) -> Ground | None:
     p = GroundParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
-    factor = min(1.0, p.long_side_px / max(height, width))
+    factor = min(1.0, GROUND_PX / max(height, width))
     small = reduce_image(halves, factor, least_side_px=8)
     blank = _without_print(small, p)
     ground = _largest_part(~_edges(blank, p), p)
@@ -125,7 +124,7 @@ def even_share(photo: RgbImage | Halves) -> float:
     """Share of the `photo` (H, W, 3), 0-1, that the largest even part covers, with what is printed on it."""
     p = GroundParameters()
     halves = Halves.of(photo)
-    factor = min(1.0, p.long_side_px / max(halves.image.shape[:2]))
+    factor = min(1.0, GROUND_PX / max(halves.image.shape[:2]))
     small = reduce_image(halves, factor, least_side_px=8)
     return float(_largest_part(~_edges(_without_print(small, p), p), p).mean())
 
@@ -136,7 +135,7 @@ def sides_reached(view: RgbImage, shown: Mask) -> frozenset[str]:
     `shown` (H, W) are the pixels of the view that the photo shows.
     """
     p = GroundParameters()
-    factor = min(1.0, p.long_side_px / max(view.shape[:2]))
+    factor = min(1.0, GROUND_PX / max(view.shape[:2]))
     small = reduce_image(view, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
     inside = cv2.resize(shown.astype(np.uint8), size, interpolation=cv2.INTER_AREA)

@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.imaging.channels import luminance
+from services.imaging.reduction import GROUND_PX
 
+PRINT_SHARE = 1 / 45
+"""Of the long side of a page: wider than the widest stroke (6 mm on A4), and than a line of print."""
 _BAND_PIXELS = 1 << 20
 """Full-resolution passes process row bands of about this many pixels, to limit memory."""
 
@@ -20,10 +23,6 @@ class BackgroundParameters:
     Windows are fractions of the image's long side, or multiples of the text height where that is known.
     """
 
-    working_long_side_px: int = 400
-    """Size of the copy for the filters; light varies slowly, so a larger copy only takes more time."""
-    closing_fraction: float = 1 / 45
-    """Closing window: wider than the widest stroke (6 mm on an A4 page)."""
     median_fraction: float = 1 / 16
     """Median window: wider than the residue of a word, narrower than a shadow."""
     closing_text_heights: float = 1.0
@@ -129,10 +128,10 @@ def enlarged(small: GrayImage, height: int, width: int) -> GrayImage:
 def small_background(
     gray: GrayImage, text_height_px: float | None, parameters: BackgroundParameters
 ) -> GrayImage:
-    """Background on a copy of at most `working_long_side_px`."""
-    small, factor = reduced_copy(gray, parameters.working_long_side_px)
+    """Background on a copy of at most `GROUND_PX`."""
+    small, factor = reduced_copy(gray, GROUND_PX)
     long_side = max(small.shape)
-    closing_px = parameters.closing_fraction * long_side
+    closing_px = PRINT_SHARE * long_side
     median_px = parameters.median_fraction * long_side
     if text_height_px is not None:
         closing_px = parameters.closing_text_heights * text_height_px * factor

@@ -12,8 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Vector
-from services.imaging.grid_paths import accumulate_to_row, trace_back
+from services.imaging.grid_paths import SHIFT_COST, accumulate_to_row, trace_back
 from services.order_statistics import median, median_along
+
+GROUND_SHARE = 0.8
+"""Of the text's length, on which the grounds beside an edge must differ."""
+LONG_SIDE_PX = 700
+"""Of the copy in which they are sought: the pixels below are its."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +31,6 @@ class LongEdgeParameters:
     """Number of averaged rows: at a slope of 8 degrees an edge moves by less than two pixels over them."""
     max_shift_px: int = 2
     """From band to band."""
-    shift_cost: float = 0.02
-    """Cost of a shift by one pixel, in bands of full support, so that straighter paths are preferred."""
     weight_beyond: float = 0.3
     """Weight of a band without adjacent text in the choice of paths."""
     unseen_cost: float = 0.1
@@ -87,10 +90,10 @@ class LongEdge:
         """Columns (N,) of the edge at `rows` (N,)."""
         return np.asarray(np.interp(rows, self.rows, self.columns))
 
-    def ground_differs(self, contrast: float, share: float) -> bool:
-        """Whether one side is brighter by `contrast` than the other on this `share` of the text's length."""
+    def ground_differs(self, contrast: float) -> bool:
+        """Whether one side is brighter by `contrast` than the other on `GROUND_SHARE` of the text's length."""
         difference = (self.left_ground - self.right_ground)[self.beside_text]
-        return bool(max((difference > contrast).mean(), (difference < -contrast).mean()) > share)
+        return bool(max((difference > contrast).mean(), (difference < -contrast).mean()) > GROUND_SHARE)
 
 
 def find_long_edges(
@@ -219,14 +222,14 @@ def _paths(
     score = np.where(weight > 0, supports - p.support, -p.unseen_cost) * share
     inner = np.flatnonzero(text)
     middle = int(inner[len(inner) // 2])
-    down, up = accumulate_to_row(score, middle, p.max_shift_px, p.shift_cost)
+    down, up = accumulate_to_row(score, middle, p.max_shift_px, SHIFT_COST)
     through = down[:, -1] + up[:, -1] - score[:, middle]
     peak = through >= cv2.dilate(through, np.ones((1, 2 * p.distinct_px + 1), np.uint8))
     found = []
     for sign, candidates in enumerate(peak & (through > 0)):
         columns = np.flatnonzero(candidates)[::-1][: p.candidates]
         grids = np.full(len(columns), sign)
-        above, below = (trace_back(half, grids, columns, p.max_shift_px, p.shift_cost) for half in (down, up))
+        above, below = (trace_back(half, grids, columns, p.max_shift_px, SHIFT_COST) for half in (down, up))
         found.append(np.concatenate([above, below[:, :-1][:, ::-1]], axis=1))
     return found
 

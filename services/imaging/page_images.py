@@ -17,7 +17,7 @@ from services.imaging.pdf_drawing import PDF_LIMITS, PdfLimits, PdfPages, open_p
 
 RENDER_DPI = 200.0
 """Resolution for rendering PDF pages: print of 8 pt is 22 px high, and a page of A4 has 3.9 megapixels."""
-_POINTS_PER_INCH = 72.0
+POINTS_PER_INCH = 72.0
 _PDF_MARK, _PDF_MARK_WITHIN = b"%PDF-", 1024
 """The header may follow other bytes (PDF 1.7, implementation note 13)."""
 
@@ -224,12 +224,12 @@ class _Pdf:
     def decode(self, page: int, enough_px: int | None) -> PagePicture:
         width, height, scale = self._plan(page)
         picture = np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width])
-        return PagePicture(picture, None, dpi=scale * _POINTS_PER_INCH, is_document=True)
+        return PagePicture(picture, None, dpi=scale * POINTS_PER_INCH, is_document=True)
 
     def _plan(self, page: int) -> tuple[int, int, float]:
         """Width and height in pixels, and pixels a point."""
         width, height = self.sizes_pt[page]
-        scale = RENDER_DPI / _POINTS_PER_INCH
+        scale = RENDER_DPI / POINTS_PER_INCH
         scale = min(scale, math.sqrt(self.limits.max_pixels / (width * height)))
         scale = min(scale, self.limits.max_side_px / max(width, height))
         # The renderer rounds up, so that a hundredth of a pixel would be a white column.

@@ -10,7 +10,8 @@ from scipy.ndimage import distance_transform_edt
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import length_of_channels, mean_of_channels
-from services.imaging.reduction import Halves, reduce_image
+from services.imaging.illumination import PRINT_SHARE
+from services.imaging.reduction import GROUND_PX, Halves, reduce_image
 from services.robust import cauchy_weights, fit_reweighted, narrowing
 
 
@@ -18,9 +19,7 @@ from services.robust import cauchy_weights, fit_reweighted, narrowing
 class PaperParameters:
     """Contrasts are differences of the logarithm of brightness; hues are distances in a, b of CIE Lab."""
 
-    long_side_px: int = 400
-    closing: float = 1 / 45
-    """Of the long side: wider than a line of print."""
+    long_side_px: int = GROUND_PX
     opening: float = 1 / 40
     """Of the long side: bridges to other bright things are narrower."""
     contrast: float = 0.4
@@ -58,12 +57,6 @@ class Paper:
         p = parameters or PaperParameters()
         at = self._pixels(points)
         return np.asarray((np.abs(self.contrast[at]) < p.text_contrast) & (self.chroma[at] < p.text_chroma))
-
-    @property
-    def share(self) -> float:
-        """Share of the photo, 0-1, that is like the paper at the nearest text."""
-        p = PaperParameters()
-        return float(((np.abs(self.near_contrast) < p.contrast) & (self.chroma < p.chroma)).mean())
 
     def outline(self, text_points: Points, parameters: PaperParameters | None = None) -> Points | None:
         """Outline (N, 2) in photo pixels of the sheet that holds the text; None if its edge cannot be determined."""
@@ -127,7 +120,7 @@ def model_paper(
     factor = min(1.0, p.long_side_px / max(halves.image.shape[:2]))
     small = reduce_image(halves, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
-    side = max(int(p.closing * max(size)) | 1, 3)
+    side = max(int(PRINT_SHARE * max(size)) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
     at = np.clip(np.round(to_resized(text_points, factor)).astype(int), 0, [size[0] - 1, size[1] - 1])

@@ -4,6 +4,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+GROUND_PX = 400
+"""Long side of the copy on which grounds are told apart: light and paper vary slowly, print is a few pixels high."""
+LARGEST_STEP = 1.3
+"""Pixels of an image per drawn pixel up to which interpolation skips none."""
 _LEFT_AFTER_HALVES = 0.5
 """Largest factor of the last step. Averages of averages blur twice: with a last step of 0.9 the variance is twice that
 of one step, and small letters ran together; from 0.5 down it is at most a third more."""

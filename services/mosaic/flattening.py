@@ -12,7 +12,7 @@ from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import LARGEST_STEP, reduce_image
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
@@ -32,8 +32,6 @@ class FlatteningParameters:
 
     view_pixels: float = 5e6
     """More pixels do not improve registration: block matches are accurate to a twentieth of these pixels."""
-    largest_reduction: float = 1.3
-    """Photo pixels per flat pixel up to which interpolation skips no photo pixel."""
     text_height: float = 1 / 100
     """Text height as a share of the long side, if no text is found."""
     min_components: int = 10
@@ -112,7 +110,7 @@ def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float,
     reduction = float(np.percentile(scales, FramingParameters().detail_percentile))
     gray = luminance(photo)
     usual = float(np.median(scales))
-    factor = 1.0 / usual if usual > p.largest_reduction else 1.0
+    factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
     view = draw_gray_view(reduce_image(gray, factor), factor, frame)
     flat_height_px = text_height_px / usual
     return FlatPhoto(

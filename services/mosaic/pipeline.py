@@ -44,6 +44,7 @@ from services.mosaic.results import MosaicResult
 from services.mosaic.whole_pixels import join_whole_pixels
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
+from services.rectify.analysis.found_text import STROKE_TEXT_HEIGHT_PX
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.orientation import tell_orientation
@@ -57,8 +58,6 @@ STAGE_BEGINS = {
     "orientation": 0.95,
 }
 """Start of each stage as a share of the time, measured on sets of three photos. Flattening ends at `FLATTENED`."""
-READING_TEXT_HEIGHT_PX = 20.0
-"""Text height at which the page is read to find its orientation, as in `AnalysisParameters`."""
 
 
 def mosaic(
@@ -233,7 +232,7 @@ def typical_text_height_px(part: PlacedPart) -> float:
 
 def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
     """The page in gray, flat-fielded, at the size for text recognition."""
-    factor = min(1.0, READING_TEXT_HEIGHT_PX / text_height_px)
+    factor = min(1.0, STROKE_TEXT_HEIGHT_PX / text_height_px)
     return flatten_illumination(reduce_image(luminance(page), factor), text_height_px * factor)
 
 

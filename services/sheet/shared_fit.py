@@ -21,13 +21,13 @@ from services.sheet.developable.residuals import (
     USUAL_SKEW_RAD,
 )
 from services.sheet.developable.variation import GLOBAL, SKEW, SLOPES, vary_page
+from services.sheet.ridged.parameters import MAX_DAMPING
 from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherCamera
 from services.sheet.shared_sheet import OF_BENDS, OF_SKEW, OF_SLANT, OF_SLOPES, SharedSheet, unit_of
 
 MOST_STEPS = 60
 SCHEDULE = ((30.0, 1e-2), (5.0, 1e-2), (1.0, 1e-4))
 """Factors on the deviations of shared points, one fit after the other, and the gain of the cost at which each ends."""
-MOST_DAMPING = 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +84,7 @@ def _minimize(
     cost, A, g = residuals.normal_equations(sheet)
     T = residuals.free_unknowns()
     damping, growth, count = 1e-3, 4.0, 1
-    while count < MOST_STEPS and damping < MOST_DAMPING:
+    while count < MOST_STEPS and damping < MAX_DAMPING:
         free = T.T @ A @ T
         diagonal = np.diag(free)
         held = free + np.diag(damping * diagonal + 1e-12 * diagonal.max())

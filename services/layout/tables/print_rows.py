@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from services.layout.graph.zone_words import LONGEST_TOKEN
 from services.layout.page import Box, Page, ZoneWord
 from services.layout.word_rows import rows_of_words
 
@@ -16,7 +17,6 @@ _WIDE = 0.75
 """Space between cells of a row, in em; words of a cell are 0.3 em apart."""
 
 _LETTERS = re.compile(r"[^\W\d_]+|[#%]")
-_LONGEST_TOKEN = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def segments_of(row: PrintedRow, em: float) -> list[Segment]:
 
 def header_words(text: str) -> list[str]:
     """Words of a header in small letters, and the signs that stand for words there."""
-    return [word.casefold()[:_LONGEST_TOKEN] for word in _LETTERS.findall(text)]
+    return [word.casefold()[:LONGEST_TOKEN] for word in _LETTERS.findall(text)]
 
 
 def box_of(words: Sequence[ZoneWord]) -> Box:

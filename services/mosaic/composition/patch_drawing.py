@@ -17,12 +17,11 @@ from services.imaging.node_grid import (
     node_grid,
     take_values,
 )
+from services.imaging.reduction import LARGEST_STEP
 from services.mosaic.light.canvas import OUTSIDE_PX, RIM_PX
 from services.mosaic.light.tones import apply_tones
 from services.mosaic.placed_photo import PlacedPhoto
 
-LARGEST_REDUCTION = 1.3
-"""Photo pixels per mosaic pixel up to which interpolation skips no photo pixel."""
 MARGIN_STEPS = 1.5
 """Margin within the shown part, steps of the map's grid: interpolation reaches one node beyond a pixel."""
 KNOWN = 0.999
@@ -108,7 +107,7 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
     box = Rectangle(int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1]))
     inside = _grid_inside(placed, shown)
     detail = float(np.median(_enlargement(placed.to_photo, inside)))
-    factor = 1.0 / detail if np.isfinite(detail) and detail > LARGEST_REDUCTION else 1.0
+    factor = 1.0 / detail if np.isfinite(detail) and detail > LARGEST_STEP else 1.0
     source = placed.flat.photo
     if factor < 1.0:
         size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))

@@ -11,17 +11,14 @@ from services.arrays import Homography, Mask
 from services.geometry.homographies import scaling, transform_points, translation
 from services.imaging.channels import strongest_channel
 from services.mosaic.light.canvas import CELL_PX, Canvas, CanvasView, FloatImage
-from services.mosaic.light.light_field import CLIPPED_LEVEL, CLOSING_PX, DARKEST, to_cells
-from services.robust import MAD_TO_DEVIATION, cauchy_weights
+from services.mosaic.light.light_field import CLIPPED_LEVEL, CLOSING_PX, DARKEST, ITERATIONS, to_cells
+from services.robust import cauchy_weights
 
 LEAST_DEVIATION = 0.2
 """Logarithm of a ratio of paper's levels from which they differ. Light that is added to well exposed paper clips it
 from here on; photos without anything in the way differ by 0.01 (95 % of their cells)."""
-DEVIATIONS = 6.0
-"""The same in robust standard deviations of all cells: bent sheets are shaded unevenly."""
 PAPER_SCALE = 0.05
 """Scale of the Cauchy loss with which the light on the paper is fitted."""
-PAPER_ITERATIONS = 6
 PRINT_CELLS = 3
 """Window in which print is compared, cells: two text lines."""
 LEAST_PRINT = 0.04
@@ -39,8 +36,6 @@ RIM_CELLS = 5
 """Window in which the rim of what hides the paper is an edge, cells: a twentieth of a view, for soft shadows."""
 STEEP_SHARE = 0.5
 """Share of the rim that is such an edge."""
-FEWEST_CELLS = 100
-"""Cells with print from which the paper's light is fitted to them alone."""
 MOST_CELLS = 6000
 """Cells to which it is fitted; a smooth surface needs no more."""
 
@@ -204,14 +199,14 @@ def _fit_paper(
     y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in shape), indexing="ij")
     surface = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
     used = [cells.known & (cells.darkness > LEAST_PRINT) for cells in measured]
-    if sum(int(each.sum()) for each in used) < FEWEST_CELLS:
+    if not any(each.any() for each in used):
         used = [cells.known for cells in measured]
     A = np.concatenate([surface[at][each] for at, each in zip(places, used, strict=True)])
     b = np.concatenate([cells.levels[each] for cells, each in zip(measured, used, strict=True)])
     step = max(len(A) // MOST_CELLS, 1)
     A, b = A[::step], b[::step].astype(np.float64)
     left = b - np.median(b, axis=0)
-    for _ in range(PAPER_ITERATIONS):
+    for _ in range(ITERATIONS):
         weighted = A * cauchy_weights(np.sqrt((left**2).mean(axis=1)), PAPER_SCALE)[:, None]
         solved = np.linalg.solve(weighted.T @ A + 1e-6 * len(A) * np.eye(A.shape[1]), weighted.T @ b)
         left = b - A @ solved
@@ -234,13 +229,13 @@ def _compare(
         levels[k, known[k]], darkness[k, known[k]] = cells.levels[there], cells.darkness[there]
         clipped[k, known[k]] = cells.clipped[there]
     beyond = np.where(known, np.abs(levels - paper[shared]).max(axis=2), np.inf)
-    usual = float(np.median(_apart(levels, beyond)[known]))
-    least = max(LEAST_DEVIATION, DEVIATIONS * MAD_TO_DEVIATION * usual)
     # Print counts where it lies on paper; where no view shows paper, where it is not clipped.
-    trusted = np.where(beyond.min(axis=0) < least, beyond < least, known & ~clipped)
+    trusted = np.where(beyond.min(axis=0) < LEAST_DEVIATION, beyond < LEAST_DEVIATION, known & ~clipped)
     print_ = np.where(trusted, darkness, 0).max(axis=0)
     lost = known & (darkness < PRINT_LEFT * print_) & (print_ > LEAST_PRINT)
-    away = known & (_apart(levels, beyond + np.where(lost, 1e3, 0) + np.where(clipped, 1e2, 0)) > least)
+    away = known & (
+        _apart(levels, beyond + np.where(lost, 1e3, 0) + np.where(clipped, 1e2, 0)) > LEAST_DEVIATION
+    )
     masks = []
     for values in (lost, away):
         whole = np.zeros((len(measured), *shared.shape), bool)

@@ -21,6 +21,7 @@ from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
 from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.sheet.curved_page import MIN_VISIBLE
 from services.sheet.developable.observations import LineObservations
 from services.sheet.framing import CurvedFrame
 from services.sheet.line_residual import MorphedPage
@@ -29,7 +30,7 @@ from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
 from services.sheet.ridged.observations import SheetObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.views import OtherCamera, OtherView
-from services.sheet.ridged_page import RidgedPage, without_waves
+from services.sheet.ridged_page import IMPROVEMENT, RidgedPage, without_waves
 from services.sheet.tracing.line_tracing import NO_WORSE, STRAIGHT, measure_straightness
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
@@ -38,17 +39,12 @@ THIN = 200
 COLUMNS = 60
 """Cells across the mesh of a smooth sheet: chords of a sheet bent to a radius of half its width then lie within
 0.01 % of its width."""
-LEAST_PLACED = 0.97
-"""Share of the characters of every photo that the sheet must place within the first photo, as for a smooth sheet."""
 LEFT_BY_MATCHING = 0.01
 """Median distance of correspondences, text heights, up to which a sheet is held as it is: on 12 sets of smooth sheets
 the best one leaves 0.0014 to 0.007, on creased ones 0.012 to 0.4."""
 MOST_LEFT = 0.05
 """The same, beyond which no sheet explains all photos: fitted sheets leave at most 0.03 on 28 simulated sets, and
 sheets that were bent otherwise between two real photos 0.12 to 1.3."""
-GAIN = 0.85
-"""Share of the median distance of held-out correspondences that a fit must leave at most: the median of 50 is known to
-a sixth of it."""
 MATCH_PX = 0.2
 """Deviation of a correspondence, pixels of the photo. Those on planes have 0.03; cells of a creased sheet leave more.
 With half or twice as much, meshes of three creased sets are not better."""
@@ -254,7 +250,7 @@ def _shows_all(mesh: SheetMesh, camera: OtherCamera, other: SeenPage, reference:
     size = np.array([reference.view.width, reference.view.height])
     with np.errstate(invalid="ignore"):
         inside = ((photo >= 0) & (photo <= size - 1)).all(axis=1)
-    return len(characters) > 0 and float(np.mean(inside)) >= LEAST_PLACED
+    return len(characters) > 0 and float(np.mean(inside)) >= MIN_VISIBLE
 
 
 def _fit_to_all(start: _Candidate, pages: Mapping[int, SeenPage]) -> _Candidate | None:
@@ -273,7 +269,7 @@ def _fit_to_all(start: _Candidate, pages: Mapping[int, SeenPage]) -> _Candidate 
     fitted = fit_mesh(start.mesh, replace(observed, views=views), FIT)
     cameras = {index: view.camera for index, view in zip(start.shared, fitted.views, strict=True)}
     found = replace(start, mesh=fitted.mesh, page_map=fitted.mesh, cameras=cameras)
-    if not found.residual(held_out=True) <= GAIN * start.residual(held_out=True):
+    if not found.residual(held_out=True) <= IMPROVEMENT * start.residual(held_out=True):
         return None
     lines = trace(found.mesh)
     straightness = measure_straightness(found.mesh, lines)

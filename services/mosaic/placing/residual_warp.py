@@ -15,9 +15,11 @@ from scipy.sparse.linalg import splu
 from services.arrays import Floats, Homography, Mask, Points, Vector
 from services.geometry.homographies import jacobians, transform_points
 from services.mosaic.flat_photo import FlatPhoto, trust_by_error
+from services.mosaic.placing.homography_bundle import LEAST_DEVIATION_PX
 from services.mosaic.placing.placement import DisplacementField
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.robust import CAUCHY_WIDTH, MEDIAN_LENGTH, cauchy_weights
+from services.sheet.ridged_page import IMPROVEMENT
 
 Nodes = NDArray[np.intp]
 """Indices of nodes, any shape."""
@@ -35,26 +37,16 @@ REACH = 0.1
 """Length, relative to a view's diagonal, over which a displacement changes and, outside of overlaps, vanishes."""
 WORTHWHILE = 0.02
 """Least RMS worth a correction: half a pixel at 300 dpi."""
-GAIN = 0.7
-"""Largest remaining share of the RMS of held-out matches."""
-HARM = 1.1
-"""Largest factor by which the RMS of any pair may rise."""
 FEWEST = 8
 """Least number of held-out matches of a pair that is evaluated."""
 HELD_OUT_CELL = 3.0
 """Cells by which matches are held out, one in five; slightly larger than the matched blocks."""
 TRIMMED = 0.75
 """Share of the matches, the best ones, in an RMS: the others may be wrong."""
-GREATEST_OF_DIAGONAL = 0.02
-"""Largest displacement relative to the view's diagonal."""
 GREATEST_GRADIENT = 0.05
 """Largest gradient of a displacement: far from a fold, and the inverse gains more than a digit per step."""
-LEAST_DEVIATION = 0.001
-"""Accuracy of block matching."""
 REWEIGHTINGS = 4
 """Number of reweightings; afterwards weights hardly change."""
-STIFFER = 5.0
-"""If the limits are exceeded, the prior is strengthened by this factor, twice; then no displacement is used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,12 +129,9 @@ def estimate_residual_warp(
     scales = {k: _scale(photos[k], H) for k, H in H_mosaic_flat.items()}
     text_height = float(np.median([photos[k].text_height_px * s for k, s in scales.items()]))
     grids = _grids(photos, H_mosaic_flat)
-    diagonal = float(np.mean([np.hypot(*photos[k].size) * s for k, s in scales.items()]))
-    # More than a text height is no residual.
-    greatest = min(text_height, GREATEST_OF_DIAGONAL * diagonal)
     matches = _gather(grids, H_mosaic_flat, pairs, HELD_OUT_CELL * text_height)
-    # Separated by more than two displacements can correct: a wrong match.
-    possible = np.hypot(*matches.apart.T) < 2 * greatest
+    # More than a text height is no residual: separated by more than two displacements can correct is a wrong match.
+    possible = np.hypot(*matches.apart.T) < 2 * text_height
     fitted, held_out = possible & ~matches.held_out, possible & matches.held_out
     of_pairs = _pair_rms(matches.apart, matches.pair, held_out)
     worst = int(np.argmax(of_pairs))
@@ -152,21 +141,18 @@ def estimate_residual_warp(
     trust = trust_by_error([photos[k] for k in grids])
     # The displacement to expect of a view is its error, so that a good view hardly moves beside a bad one.
     stiff = dict(zip(grids, np.sqrt(trust * np.mean(1 / trust)).tolist(), strict=True))
-    priors = _priors(grids, scales, stiff)
-    for stiffness in (1.0, STIFFER, STIFFER**2):
-        weighed = priors * (stiffness / before) ** 2
-        nodes = _fit(matches, fitted, weighed, text_height)
-        left = _pair_rms(matches.apart + matches.rows @ nodes, matches.pair, held_out)
-        after = float(left[worst])
-        harmed = left > np.maximum(HARM * of_pairs, WORTHWHILE * text_height)
-        if after > GAIN * before or harmed.any():
-            break
-        nodes = _fit(matches, possible, weighed, text_height)
-        fields = {k: _field(grid, H_mosaic_flat[k], nodes) for k, grid in grids.items()}
-        gentle = max(_gradient(field) for field in fields.values()) <= GREATEST_GRADIENT
-        if gentle and np.hypot(*nodes.T).max() <= greatest:
-            return ResidualWarp(dict(fields), before, after)
-    return ResidualWarp(dict(none), before, before)
+    priors = _priors(grids, scales, stiff) / before**2
+    nodes = _fit(matches, fitted, priors)
+    left = _pair_rms(matches.apart + matches.rows @ nodes, matches.pair, held_out)
+    after = float(left[worst])
+    if after > IMPROVEMENT * before or (left > np.maximum(of_pairs, WORTHWHILE * text_height)).any():
+        return ResidualWarp(dict(none), before, before)
+    nodes = _fit(matches, possible, priors)
+    fields = {k: _field(grid, H_mosaic_flat[k], nodes) for k, grid in grids.items()}
+    gentle = max(_gradient(field) for field in fields.values()) <= GREATEST_GRADIENT
+    if not gentle or np.hypot(*nodes.T).max() > text_height:
+        return ResidualWarp(dict(none), before, before)
+    return ResidualWarp(dict(fields), before, after)
 
 
 def _scale(photo: FlatPhoto, H_mosaic_flat: Homography) -> float:
@@ -261,7 +247,7 @@ def _rows(nodes: list[Nodes], factors: list[float], total: int) -> csr_array:
     return coo_array((values, (at, columns.ravel())), shape=(len(columns), total)).tocsr()
 
 
-def _fit(matches: _Matches, chosen: Mask, priors: csr_array, text_height: float) -> Points:
+def _fit(matches: _Matches, chosen: Mask, priors: csr_array) -> Points:
     """Displacements of all nodes (n, 2), mosaic pixels: reweighted least squares with the Cauchy loss.
 
     The loss width follows the spread of the residuals, so that a smooth pattern is fitted even if it is large.
@@ -271,7 +257,7 @@ def _fit(matches: _Matches, chosen: Mask, priors: csr_array, text_height: float)
     nodes = np.zeros((rows.shape[1], 2))
     for _ in range(REWEIGHTINGS):
         distance = np.hypot(*left.T)
-        deviation = max(float(np.median(distance)) / MEDIAN_LENGTH, LEAST_DEVIATION * text_height)
+        deviation = max(float(np.median(distance)) / MEDIAN_LENGTH, LEAST_DEVIATION_PX)
         weights = confidence * cauchy_weights(distance, CAUCHY_WIDTH * deviation) / deviation**2
         weighted = rows.multiply(weights[:, None]).tocsr()
         normal = splu((rows.T @ weighted + priors).tocsc(), permc_spec="MMD_AT_PLUS_A")

@@ -24,8 +24,6 @@ BLUR_PX = 1.0
 STEPS = 5
 FURTHEST_PX = 3.0
 """Largest movement; blocks that move farther were not at their true place."""
-LEAST_SHOWN = 0.25
-"""Least share of a block that both views show."""
 
 
 def refine_matches(
@@ -65,7 +63,7 @@ def refine_matches(
     gx, gy = gx * mask, gy * mask
     xx, xy, yy = (np.einsum("nij,nij->n", g, h) for g, h in ((gx, gx), (gx, gy), (gy, gy)))
     determinant = xx * yy - xy**2
-    good = (deviation > 1.0) & (determinant > 1e-3 * (xx + yy) ** 2) & (mask.mean(axis=(1, 2)) > LEAST_SHOWN)
+    good = (deviation > 1.0) & (determinant > 1e-3 * (xx + yy) ** 2)
     determinant = np.where(good, determinant, 1.0)
     moved = displacements.copy()
     correlations = np.zeros(len(middles))

@@ -44,6 +44,8 @@ REACH = 2.5
 """Radius around a group's centre, in bins, that counts as the same place."""
 GROUPS = 4
 """Number of returned groups."""
+
+
 LEAST_VOTES = 3
 """Least size of a group; smaller ones occur by chance."""
 

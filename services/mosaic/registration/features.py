@@ -21,9 +21,8 @@ MATCH_ROWS = 512
 # Measured on simulated and real sets: at full resolution letters cause too many false matches.
 LONG_SIDE_PX = 700.0
 """Size to which a view is reduced, so that features are words, not letters (600-800 work equally well)."""
-LEAST_TEXT_HEIGHT_PX = 6.0
 MOST_TEXT_HEIGHT_PX = 14.0
-"""Range of the text height after the reduction: below it lines become bars, above it features are letters."""
+"""Of the text after the reduction: above it features are letters."""
 RATIO = 0.93
 """Largest ratio of the nearest to the second nearest distance of a match. It is high, because the vote separates
 true from false matches better than the ratio does."""
@@ -60,8 +59,7 @@ def detect_features(photo: FlatPhoto, fineness: float = 1.0) -> Features:
     """Features of `photo`'s view in the shown part; `fineness` multiplies the working resolution."""
     width, height = photo.size
     text = max(photo.text_height_px, 1e-6)
-    reduction = LONG_SIDE_PX / max(width, height)
-    reduction = float(np.clip(reduction, LEAST_TEXT_HEIGHT_PX / text, MOST_TEXT_HEIGHT_PX / text))
+    reduction = min(LONG_SIDE_PX / max(width, height), MOST_TEXT_HEIGHT_PX / text)
     reduction = min(1.0, fineness * reduction)
     gray, shown, H_reduced_flat = reduce_view(photo.gray, photo.shown, reduction)
     detector = cv2.SIFT.create(enable_precise_upscale=True)

@@ -44,8 +44,6 @@ FINE_LOSS = 0.04
 FINE_AGREEMENT = 0.06
 FINE_SLOPE = 0.02
 """Largest difference of refined neighbours: a constant plus this share of their distance."""
-LEAST_WEIGHT = 0.05
-"""Least weight of a match, at the least correlation; 1 at a perfect one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,8 +217,8 @@ def refine_overlap(
     points_a, points_b = (near, far) if scale <= 1 else (far, near)
     points_a = transform_points(np.linalg.inv(fine_a.H_reduced_flat), points_a)
     points_b = transform_points(np.linalg.inv(fine_b.H_reduced_flat), points_b)
-    least = CORRELATION
-    weights = np.clip((correlations - least) / (1 - least), LEAST_WEIGHT, 1)
+    # From 0 at the least correlation to 1 at a perfect one.
+    weights = (correlations - CORRELATION) / (1 - CORRELATION)
     loss = FINE_LOSS * a.photo.text_height_px
     left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
     loss = max(loss, float(np.median(left)))

@@ -14,7 +14,6 @@ from services.mosaic.registration.displacement_vote import CompatibleGroup, vote
 from services.mosaic.registration.features import FeatureMatches, Features, match_features
 from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
 from services.mosaic.registration.pair_consistency import (
-    MOST_BETWEEN,
     Pairs,
     drop_contradictions,
     drop_lonely_lines,
@@ -49,17 +48,13 @@ PAIRS_PER_PHOTO = 4
 photos those with most votes at half of it. Of 16 photos in four rows, 24 to 42 pairs are neighbours."""
 FINER = 1.5
 """Resolution of the third look at unturned views, relative to word scale."""
-MOST_RETRIES = 45
-"""Largest number of pairs in the finer passes: more unconnected pairs do not belong to one page."""
 HOPELESS = 4
 """Of more photos than this, if no two overlap at word scale, upside down or not, none are searched any finer."""
 LARGEST_SCALE = 4.0
 """Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
-AMBIGUITY = 0.7
-"""A result is ambiguous if a second place has at least this share of the found blocks."""
-RIVAL_VOTES = 0.25
-"""Least size of a group, relative to one that was verified, that is verified too: a second place with nearly as
-many blocks has nearly as many votes."""
+RIVAL = 0.5
+"""A result is ambiguous if a second place has at least this share of the found blocks. It has about as many votes: a
+group that is smaller than one that was verified is not looked at."""
 LEAST_OVERLAP = 0.01
 """Least predicted overlap, as a share of the smaller view, that is searched."""
 GUIDED_FOUND = 5
@@ -69,10 +64,8 @@ LINES = 1.5
 PHRASE = 15.0
 """... and least extent along a single line (about 25 characters) that may connect two parts."""
 SURE_AGREEMENT = 0.9
-"""Least share of found blocks of a pair by which others are known to lie apart; its matches extend over `lines`
+"""Least share of found blocks of a pair by which others are known to lie apart; its matches extend over `LINES`
 too. A piece of a line that is printed twice reached 0.73."""
-CONTRADICTING_OVERLAP = 0.03
-"""Least overlap, as a share of the smaller view, in which two connected parts are compared."""
 SKEWED_VOTES = 40
 """A group with so many votes, and so many times those of the second largest, ..."""
 SKEWED_LEAD = 3.0
@@ -174,7 +167,7 @@ def _apart(order: Sequence[int], pairs: Pairs, number: int) -> list[tuple[int, i
     if number > 3:
         # Photos that are already connected had several attempts.
         apart = [(i, j) for i, j in apart if min(len(part_of[i]), len(part_of[j])) == 1]
-    is_hopeless = len(apart) > MOST_RETRIES or (not pairs and len(order) > HOPELESS)
+    is_hopeless = not pairs and len(order) > HOPELESS
     return [] if number > 2 and is_hopeless else apart
 
 
@@ -222,7 +215,7 @@ def _are_apart(candidate: PairCandidate, sure: Pairs, order: Sequence[int]) -> b
     """Whether the two photos do not overlap, by the `sure` pairs between them."""
     a, b = candidate.a.photo, candidate.b.photo
     way = find_ways(sure, order, [a.index]).get((a.index, b.index))
-    return way is not None and way[0] <= MOST_BETWEEN and overlap_fraction(a, b, way[1]) < LEAST_OVERLAP
+    return way is not None and overlap_fraction(a, b, way[1]) < LEAST_OVERLAP
 
 
 def _register(candidate: PairCandidate) -> PairRegistration | None:
@@ -236,7 +229,7 @@ def _register(candidate: PairCandidate) -> PairRegistration | None:
     loss = GROUP_LOSS_PX / features[0].reduction
     overlaps: list[tuple[CompatibleGroup, Overlap]] = []
     for group in groups:
-        if group.votes < RIVAL_VOTES * max((verified.votes for verified, _ in overlaps), default=0):
+        if group.votes < RIVAL * max((verified.votes for verified, _ in overlaps), default=0):
             continue
         H_a_turned = _fit_group(group, matches, loss, features[1].width, features[1].height)
         if H_a_turned is not None:
@@ -284,7 +277,7 @@ def _fit_skewed(group: CompatibleGroup, matches: FeatureMatches, loss: float) ->
 
 def _elsewhere(best: Overlap, other: Overlap, b: PreparedPhoto) -> bool:
     """Whether another place is nearly as good."""
-    if other.found < AMBIGUITY * best.found:
+    if other.found < RIVAL * best.found:
         return False
     width, height = b.photo.size
     middle = np.array([[(width - 1) / 2, (height - 1) / 2]])
@@ -343,7 +336,7 @@ def _contradicted(
     for i, j in product(one, other):
         between, H = ways[i, j]
         a, b = prepared[i], prepared[j]
-        if not between or overlap_fraction(a.photo, b.photo, H) < CONTRADICTING_OVERLAP:
+        if not between or overlap_fraction(a.photo, b.photo, H) < LEAST_OVERLAP:
             continue
         if shows_otherwise(a, b, H, _quarter_turns(H, b.photo), SEARCH * between):
             return True

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from services.arrays import Points, RgbImage, Vector
 from services.geometry.homographies import to_resized
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import GROUND_PX, reduce_image
 from services.robust import robust_scale
 
-LONG_SIDE_PX = 400
 BESIDE = 0.06
 """The rims are where the outline is drawn towards its middle, or away from it, by this share."""
 LEAST_IN_VIEW = 0.3
@@ -26,7 +25,7 @@ UNEVEN_HUE = 16.0
 
 def has_even_rim(photo: RgbImage, outline: Points) -> bool:
     """Whether the `photo` (H, W, 3) is even along one side of `outline` (M, 2), but for light and folds."""
-    factor = min(1.0, LONG_SIDE_PX / max(photo.shape[:2]))
+    factor = min(1.0, GROUND_PX / max(photo.shape[:2]))
     lab = cv2.cvtColor(reduce_image(photo, factor), cv2.COLOR_RGB2LAB).astype(np.float32)
     away = outline - outline.mean(axis=0)
     return any(_is_even(lab, outline + share * away, factor) for share in (-BESIDE, BESIDE))

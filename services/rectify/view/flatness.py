@@ -14,6 +14,7 @@ from services.arrays import Points, Vector
 from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
+from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.correction import (
     Demand,
@@ -23,7 +24,8 @@ from services.rectify.view.correction import (
     finite,
     without_means,
 )
-from services.sheet.developable.observations import LineObservations
+from services.rectify.view.print_kept import SCALE_POINTS
+from services.sheet.developable.observations import FLOW_OVERLAP, STROKE_OVERLAP, LineObservations
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, LEAST_POINTS, SheetOutline, SheetSide
 from services.sheet.shape import PageShape
 from services.sheet.tracing.line_tracing import trace_by_characters
@@ -54,28 +56,19 @@ class FlatnessParameters:
     """Of the distance from line to line."""
     fewest_spaces: int = 3
     margin: float = 0.6
-    fewest_ends: int = 4
     direction_rad: float = float(np.deg2rad(1.2))
-    """Of a sample of the lines' directions, ..."""
-    shared_lines: float = 12.0
-    """... of which so many count as one, since their windows share ink."""
+    """Of a sample of the lines' directions."""
     stroke_rad: float = float(np.deg2rad(1.0))
-    shared_strokes: float = 4.0
     most_lean_rad: float = float(np.deg2rad(12.0))
     """Of a sample: what leans more in a view that is nearly flat is no stroke, and no line."""
     side: float = 0.0015
     """Of a side's points from its line, ..."""
     shared_side: float = 12.0
     """... on as many independent ones."""
-    fewest_fitted: int = 3
-    """Sides, of which one that contradicts the others is doubted."""
-    telling_lines: int = 10
-    """Lines of text at least that can contradict a side."""
     most_points: int = 1000
     """Of the lines, ..."""
     most_samples: int = 300
     """... and of each flow: more take time and tell little more. They are left out evenly."""
-    scale_points: int = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +170,7 @@ def _text_lines(lines: LineObservations, view: PhotoFrame, frame: Frame, p: Flat
     """The traced lines in pixels of the view, in pieces that are those of one line for certain."""
     seen = view.to_photo(lines.points)
     pixels = frame.to_flat(seen)
-    thin = seen[:: max(len(seen) // p.scale_points, 1)]
+    thin = seen[:: max(len(seen) // SCALE_POINTS, 1)]
     height = float(np.nanmedian(_growth(thin, frame))) * lines.text_height * view.unit_px
     known = finite(pixels)
     pixels, line = pixels[known], lines.index[known]
@@ -249,7 +242,7 @@ def _flush_margins(
     for ends in lines.margins:
         pixels = frame.to_flat(view.to_photo(ends))
         pixels = pixels[finite(pixels)]
-        if len(pixels) >= p.fewest_ends:
+        if len(pixels):
             together = np.zeros(len(pixels), np.intp)
             x = without_means(pixels[:, :1], together)[:, 0] / field.width
             terms = without_means(field.values(pixels), together)
@@ -265,7 +258,7 @@ def _along_lines(
     turn = np.arctan(way[:, 1] / way[:, 0])
     near = np.abs(turn) < p.most_lean_rad
     pixels, turn, weights = pixels[near], turn[near], weights[near]
-    deviation = p.direction_rad * np.sqrt(p.shared_lines / weights)
+    deviation = p.direction_rad * np.sqrt(FLOW_OVERLAP / weights)
     return demand(-turn, deviation, y=field.slopes(pixels)[0])
 
 
@@ -277,7 +270,7 @@ def _upright_strokes(
     lean = np.arctan(way[:, 0] / way[:, 1])
     near = np.abs(lean) < p.most_lean_rad
     pixels, lean, weights = pixels[near], lean[near], weights[near]
-    deviation = p.stroke_rad * np.sqrt(p.shared_strokes / weights)
+    deviation = p.stroke_rad * np.sqrt(STROKE_OVERLAP / weights)
     return demand(-lean, deviation, x=field.slopes(pixels)[1], slant=-1.0)
 
 
@@ -320,7 +313,7 @@ def _doubts(sides: list[_Side], shape: PageShape, frame: Frame, p: FlatnessParam
     """
     bends = np.array([side.bend_px for side in sides]) / frame.width
     fitted = shape.kind == "curved" and not shape.ends_at_sides and "outline" in shape.sources
-    if not fitted or len(sides) < p.fewest_fitted or shape.line_count < p.telling_lines:
+    if not fitted or len(sides) < 2 or shape.line_count < FEW_LINES:
         return np.ones(len(sides))
     others = np.array([np.delete(bends, k).max() for k in range(len(sides))])
     return np.asarray(np.maximum(bends / np.maximum(others, p.side), 1.0))

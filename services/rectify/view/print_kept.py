@@ -11,6 +11,7 @@ from services.arrays import Floats, Mask, Points
 from services.geometry.homographies import from_resized, translation
 from services.geometry.page_frame import Frame
 from services.notices import Notice
+from services.rectify.analysis.found_text import STRAY_SHARE
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.outline.results import BELIEVED_CONFIDENCE
 
@@ -30,8 +31,6 @@ WORD = 3
 LEAST_INSIDE = 0.8
 """Share of all print that an outline holds, or it must be believed: on some photos half of what looks like print is
 grain of a desk."""
-STRAY_SHARE = 0.005
-"""Of all characters: so many may be specks, wherever they lie."""
 SCALE_POINTS = 60
 """By so many characters the scale of the view is told."""
 MOST_GROWTH = 0.2

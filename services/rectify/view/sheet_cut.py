@@ -10,13 +10,14 @@ from services.geometry.homographies import translation
 from services.geometry.page_frame import Frame, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.ground import sides_reached
+from services.imaging.long_edges import LONG_SIDE_PX
 from services.imaging.sheet_edges import SheetEdges, find_sheet_edges
+from services.rectify.analysis.found_text import STRAY_SHARE
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.effort import WHOLE, Effort
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.paper_end import PaperEnd
-from services.rectify.view.print_kept import STRAY_SHARE
 from services.sheet.outline.results import SheetOutline
 
 SIDES = ("left", "top", "right", "bottom")
@@ -24,8 +25,6 @@ MAX_SLOPE = 0.2
 """Of a side in the flat view: a steeper one is not that of this page, or print is aslant on its sheet."""
 GUTTER_MARGIN = 0.5
 """Text heights between the text and the cut at the gutter."""
-LONG_SIDE_PX = 700
-"""Long side of the view in which edges and blank ground are sought."""
 SHOWN_STEP_PX = 8
 """Whether the photo shows a place of that view is computed at every eighth pixel."""
 BLANK_MARGIN = 0.12

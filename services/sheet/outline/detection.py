@@ -36,6 +36,7 @@ from services.sheet.outline.results import (
     BELIEVED_CONFIDENCE,
     CERTAIN_CONFIDENCE,
     LEAST_CONFIDENCE,
+    SIDE_POINTS,
     SheetOutline,
     SheetSide,
 )
@@ -66,7 +67,6 @@ class OutlineParameters:
     """Candidates with a lower rating are not measured, ..."""
     most_cut: float = 1.0
     """... nor are those of which the photo cuts off a larger share."""
-    side_points: int = 60
 
 
 def find_outline(
@@ -188,8 +188,8 @@ def _from_top_left(corners: Points) -> np.ndarray:
 
 
 def _side(edge: EdgePoints, p: OutlineParameters) -> SheetSide:
-    """A side's seen points, about `side_points` of them when it is seen whole."""
-    step = max(round(len(edge.points) / p.side_points), 1)
+    """A side's seen points, about `SIDE_POINTS` of them when it is seen whole."""
+    step = max(round(len(edge.points) / SIDE_POINTS), 1)
     kept = np.flatnonzero(edge.seen)
     kept = kept[(kept % step) == step // 2]
     points = edge.points[kept]

@@ -12,18 +12,24 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, RgbImage, Vector
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import length_of_channels
+from services.imaging.grid_paths import SHIFT_COST
 from services.imaging.reduction import Halves
-from services.sheet.outline.edges import EdgePoints, edge_profiles, measure_sides, normals_along
+from services.sheet.outline.edges import (
+    EdgeParameters,
+    EdgePoints,
+    edge_profiles,
+    measure_sides,
+    normals_along,
+)
 from services.sheet.outline.paths import find_open_paths
 from services.sheet.outline.reduced_photo import medium_photo
-from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.results import SIDE_POINTS, SheetOutline, SheetSide
 
 
 @dataclass(frozen=True, slots=True)
 class GivenCornersParameters:
     """Lengths are shares of a side's chord."""
 
-    side_points: int = 60
     normals: int = 96
     """Places along a side at which its edge is sought."""
     most_bow: float = 0.12
@@ -33,10 +39,6 @@ class GivenCornersParameters:
     obliquely 0.4."""
     straight_bow: float = 0.006
     """A side within it counts as straight: a corner that a person sets is a few pixels off."""
-    contrast: float = 12.0
-    """An edge of this colour difference counts half."""
-    shift_cost: float = 0.02
-    """Of the path for a step of one sample from place to place, in full edges: paper bends gently."""
     parts: tuple[float, ...] = (0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94)
     """Of the parts of a side between these places, ..."""
     least_strength: float = 0.25
@@ -115,7 +117,7 @@ def _edge_strength(
     height, width = image.shape[:2]
     at = points[:, None] + offsets[None, :, None] * normals[:, None]
     shown = ((at >= 1) & (at <= [width - 2, height - 2])).all(axis=2)
-    return np.where(shown, difference**2 / (difference**2 + p.contrast**2), 0.0)
+    return np.where(shown, difference**2 / (difference**2 + EdgeParameters().contrast ** 2), 0.0)
 
 
 def _best_path(
@@ -123,7 +125,7 @@ def _best_path(
 ) -> tuple[Floats, NDArray[np.intp]]:
     """Strength (N,) along the best path through the `allowed` samples of (N, M), and its samples (N,)."""
     score = np.where(allowed, strength, -np.inf)
-    path = find_open_paths(score[None], max_shift, p.shift_cost)[0]
+    path = find_open_paths(score[None], max_shift, SHIFT_COST)[0]
     return strength[np.arange(len(path)), path], path
 
 
@@ -132,7 +134,7 @@ def _side(edge: EdgePoints, start: Points, end: Points, p: GivenCornersParameter
     chord = float(np.linalg.norm(end - start))
     places = (edge.points - start) @ (end - start) / chord**2
     between = (places > 0) & (places < 1)
-    kept = np.flatnonzero(between & edge.seen)[:: max(len(edge.points) // p.side_points, 1)]
+    kept = np.flatnonzero(between & edge.seen)[:: max(len(edge.points) // SIDE_POINTS, 1)]
     return _side_of(
         np.concatenate([start[None], edge.points[kept], end[None]]),
         np.concatenate([[p.corner * chord], edge.deviations[kept], [p.corner * chord]]),
@@ -149,7 +151,7 @@ def with_straight_sides(outline: SheetOutline) -> SheetOutline:
             continue
         ends = outline.corners[[k, (k + 1) % 4]]
         unseen = p.unseen * float(np.linalg.norm(ends[1] - ends[0]))
-        points = np.linspace(ends[0], ends[1], p.side_points)
+        points = np.linspace(ends[0], ends[1], SIDE_POINTS)
         sides.append(_side_of(points, np.full(len(points), unseen), 1.0))
     return replace(outline, sides=(sides[0], sides[1], sides[2], sides[3]))
 

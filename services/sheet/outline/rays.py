@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
 from services.imaging.channels import length_of_channels
+from services.imaging.grid_paths import SHIFT_COST
 from services.sheet.outline.paths import find_closed_paths
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
@@ -24,8 +25,6 @@ class RayParameters:
     """Length of the longest ray, as a share of the distance to the photo's furthest corner."""
     max_shift: int = 7
     """Samples from ray to ray: a side that leans 60 degrees against the ray's normal."""
-    shift_cost: float = 0.02
-    """A sample's shift: sides have few steps."""
     exit_score: float = 0.3
     """Of a ray that leaves the photo inside the sheet."""
     region_weight: float = 3.0
@@ -89,7 +88,7 @@ class Rays:
         The odds (N, M) are those that a sample is paper, `typical` is the usual radius in samples.
         """
         score = np.stack([self._score(least, odds, typical, p) for least, odds in sought])
-        return find_closed_paths(score, p.max_shift, p.shift_cost)
+        return find_closed_paths(score, p.max_shift, SHIFT_COST)
 
     def _score(self, least: Vector, odds: Floats | float, typical: float, p: RayParameters) -> Floats:
         """What a path gains at every sample (N, M); -inf where it may not go."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized
 from services.imaging.channels import length_of_channels
-from services.imaging.reduction import Halves
+from services.imaging.reduction import GROUND_PX, Halves
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +19,6 @@ class ReductionParameters:
 
     medium_long_side_px: int = 1600
     """Edges are followed at half of this at least, before they are measured in the photo itself."""
-    long_side_px: int = 400
-    """A sheet's sides are then some hundred pixels long and print is a few pixels high."""
     closing: float = 1 / 60
     """Of the long side: wider than a line of print."""
     contrast: tuple[float, float] = (3.0, 8.0)
@@ -31,8 +29,6 @@ class ReductionParameters:
     """... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
     band_level: int = 10
     """Brightness of padding at most; JPEG leaves some."""
-    band_difference: int = 2
-    """Pixels of the reduced photo by which the bands on both sides differ at most."""
     band_share: float = 0.85
     """Share of a band's border at which the photo begins at the same row or column."""
 
@@ -76,8 +72,8 @@ def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     p = ReductionParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
-    factor = min(1.0, p.long_side_px / max(height, width))
-    small, _ = _halved(halves, 2 * p.long_side_px)
+    factor = min(1.0, GROUND_PX / max(height, width))
+    small, _ = _halved(halves, 2 * GROUND_PX)
     small = _resized(small, round(width * factor), round(height * factor))
     size = (small.shape[1], small.shape[0])
     x0, y0, x1, y1 = window = _without_bands(small, p)
@@ -127,7 +123,7 @@ def _resized(image: RgbImage, width: int, height: int) -> RgbImage:
 def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, int, int]:
     """First and last column and row that are not in a black band.
 
-    Bands are as long as the photo and equally wide on both sides, and what follows them begins everywhere at once;
+    Bands are as long as the photo, and what follows them begins everywhere at once;
     a sheet on a black ground does not.
     """
     dark = small.max(axis=2) <= p.band_level
@@ -146,6 +142,6 @@ def _trimmed(dark: Mask, p: ReductionParameters) -> tuple[int, int]:
     first, last = int(lit[0]) + 1, int(lit[-1]) - 1
     widths = (first - 1, count - 2 - last)
     begins = [(~dark[:, at]).mean() >= p.band_share for at in (min(first, last), max(first, last))]
-    if min(widths) < 1 or abs(widths[0] - widths[1]) > p.band_difference or not all(begins):
+    if min(widths) < 1 or not all(begins):
         return 0, count - 1
     return first, last

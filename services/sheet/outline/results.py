@@ -16,6 +16,8 @@ CERTAIN_CONFIDENCE = 0.95
 """Confidence from which on 99 % of the outlines are right: no second candidate is measured then."""
 
 
+SIDE_POINTS = 60
+"""Of a side that is seen whole, about."""
 LEAST_POINTS = 8
 """Of a side that counts as seen: fewer tell no direction beyond their noise."""
 
