@@ -33,7 +33,7 @@ class CandidateParameters:
     """A side is searched again beyond this multiple of its radius."""
     extended_share: float = 0.6
     """Share of a side's rays, in its middle, on which the new side must be further out."""
-    most_cut: float = 0.6
+    most_cut: float = 1.0
     """Largest share of rays that leave the photo inside of the sheet. If by its colours the sheet has a larger one, no
     other curves are sought: 1 finds also the sides that are left."""
 
