@@ -1,7 +1,6 @@
 """The shape of a curved page: start, fit and check of the global developable surface."""
 
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -290,15 +289,15 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     soft = FittingParameters(max_evaluations=12, least_gain=START_GAIN)
     cauchy = replace(soft, cauchy_flows=True)
     starts = [start_surface(e.vanishing_points, prior, e.characters, skew) for skew in START_SKEWS_RAD]
-    enough = GOOD_SHARE * (len(free.major) + len(free.minor))
-    fits: list[FittedSurface] = []
     # Cauchy's loss, and a focal length near its prior, do not reach a strong bend. The soft L1 loss, and a free
     # focal length, are biased by the flows of pictures. So both are tried, for one direction of the rulings after
-    # the other, until one is clearly good.
-    for start, is_held in product(starts, (True, False)):
-        begin = start if is_held else fit_surface(start, free, soft).start
-        fits.append(fit_surface(begin, held if is_held else free, cauchy))
-        if fits[-1].cost < enough and implausibility(fits[-1].surface, e.characters) is None:
+    # the other until one is clearly good.
+    enough = GOOD_SHARE * (len(free.major) + len(free.minor))
+    fits: list[FittedSurface] = []
+    for start in starts:
+        fits.append(fit_surface(start, held, cauchy))
+        fits.append(fit_surface(fit_surface(start, free, soft).start, free, cauchy))
+        if any(fit.cost < enough and implausibility(fit.surface, e.characters) is None for fit in fits):
             break
     likely = [fit for fit in fits if implausibility(fit.surface, e.characters) is None]
     best = min(likely or fits, key=lambda fit: fit.cost)
