@@ -118,6 +118,7 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
     right = next((model for model in models if model.name == verified.verified_class), None)
     shown = await _corrected(state, given, adaptation)
     warnings += await asyncio.to_thread(_new_labels, right, adaptation)
+    warnings += adaptation.warnings
     if not adaptation.zones:
         warnings.append(NOTHING_LEARNED)
     draft = replace(
@@ -154,9 +155,8 @@ async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptati
     if name == given.verified.found_class and found.get("document_class") not in (None, name):
         continues = found["document_class"]
     whole = await state.store.call(lambda store: _settings_of(store, continues))
-    fields = {
-        label: each for one in (whole, settings) if one is not None for label, each in one.fields.items()
-    }
+    known = [one for one in (whole, settings) if one is not None]
+    fields = {label: each for one in known for label, each in one.fields.items()}
     correction = Correction(
         class_name=name,
         labels={str(zone["id"]): zone.get("label") for zone in adaptation.sample["zones"]},
@@ -164,6 +164,8 @@ async def _corrected(state: AppState, given: GivenFeedback, adaptation: Adaptati
         fields=fields,
         continues=continues,
         tolerated_error=tolerated_errors_of(name or "*", state.settings.tolerated_errors)[None],
+        items=adaptation.columns,
+        tables=adaptation.tables,
     )
     return await state.engine.submit(state.operations.correct_result, found, given.zones, correction)
 
@@ -191,7 +193,7 @@ def _new_labels(model: ModelDocument | None, adaptation: Adaptation) -> list[War
     """Warnings about labels that the class has not had yet, each with the nearest existing label."""
     if model is None:
         return []
-    known = labels_of(json.loads(model.document))
+    known = (*labels_of(json.loads(model.document)), *adaptation.columns)
     given = dict.fromkeys(zone.get("label") for zone in adaptation.sample["zones"])
     new = [label for label in given if label is not None and label not in known]
     warnings = []

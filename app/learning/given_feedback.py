@@ -1,6 +1,6 @@
 """What a person said of a stored result: the body of a feedback, joined with the result to the verified page."""
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -99,7 +99,7 @@ async def given_feedback(
         result_id, key, request, owner, seen, document, verified, document["result"]["zones"], []
     )
     if body.zones is None and not body.texts:
-        return given
+        return replace(given, verified=_with_found_labels(verified, given.recognized))
     zones = _zones_with_texts(document, body)
     if body.zones is not None:
         zones = [cast(GivenZoneJson, zone.model_dump(exclude_none=True)) for zone in body.zones]
@@ -109,10 +109,46 @@ async def given_feedback(
     verified = replace(verified, page=revised.page)
     if body.zones is not None:
         labels = {str(zone["id"]): zone.get("label") for zone in revised.zones}
-        found_labels = {zone: verified.found_labels.get(zone) for zone in labels}
         found_page = given.recognized["page"]
-        verified = replace(verified, found_labels=found_labels, labels=labels, found_page=found_page)
+        verified = replace(verified, found_labels={}, labels=labels, found_page=found_page)
+    verified = _with_found_labels(verified, given.recognized)
     return replace(given, verified=verified, zones=revised.zones, texts=revised.texts)
+
+
+def _with_found_labels(verified: VerifiedPage[PageJson], before: RecognizedJson) -> VerifiedPage[PageJson]:
+    """The verified page with the recognized label of each of its zones; of a drawn zone that of the zone it lies on.
+
+    So a zone that a person has divided or moved is wrong only where its label was.
+    """
+    recognized_zones = before["result"]["zones"]
+    by_id = {zone["id"]: zone["label"] for zone in recognized_zones}
+    labels = {
+        str(zone["id"]): by_id[str(zone["id"])]
+        if str(zone["id"]) in by_id
+        else _label_under(zone["box"], recognized_zones)
+        for zone in verified.page["zones"]
+    }
+    return replace(verified, found_labels=labels)
+
+
+def _label_under(box: Sequence[float], zones: Sequence[LabelledZoneJson]) -> str | None:
+    """The label of the zone that has most of a box in common with it, at least half of the smaller one."""
+    most, label = 0.0, None
+    for zone in zones:
+        common = _common_area(box, zone["box"])
+        if common > most and 2 * common >= min(_area(box), _area(zone["box"])):
+            most, label = common, zone["label"]
+    return label
+
+
+def _area(box: Sequence[float]) -> float:
+    return (box[2] - box[0]) * (box[3] - box[1])
+
+
+def _common_area(one: Sequence[float], other: Sequence[float]) -> float:
+    across = min(one[2], other[2]) - max(one[0], other[0])
+    down = min(one[3], other[3]) - max(one[1], other[1])
+    return max(across, 0.0) * max(down, 0.0)
 
 
 def _zones_with_texts(document: StoredResultJson, body: FeedbackBody) -> list[GivenZoneJson]:

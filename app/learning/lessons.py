@@ -36,16 +36,17 @@ async def teach(
     None: the class has a version, or there is no such class.
     """
     settings = layout_settings(state.settings)
-    adaptation = await state.engine.submit(state.operations.adapt_models, verified, models, settings)
-    documents = dict(adaptation.documents)
     right = verified.verified_class
+    items = () if right is None else await state.store.call(lambda store: items_of(store, right))
+    adaptation = await state.engine.submit(state.operations.adapt_models, verified, models, settings, items)
+    documents = dict(adaptation.documents)
     if samples is not None and right is not None and adaptation.zones:
         first = await state.engine.submit(
             state.operations.initialize_model,
             right,
             [*(sample.document for sample in samples), adaptation.sample],
             settings,
-            await state.store.call(lambda store: items_of(store, right)),
+            items,
             time_limit=TimeLimit(state.settings.model_timeout_s, "MODEL_TIMEOUT_S"),
         )
         documents[right] = first.document

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from app.routes.result_tables import Cell, Row, Written
+from app.routes.result_tables import Cell, Row, Written, names_of_columns
 from app.schemas.layout_results import ResultEntry
 from services.contract.answers.tables import DocumentTable, ItemCell, tables_of_document
 
@@ -25,7 +25,7 @@ def rows_of_items(documents: Documents, written: Written) -> Iterator[Row]:
     """
     tables = {id: _tables(pages) for id, pages in documents.items()}
     labels = list(dict.fromkeys(label for own in tables.values() for table in own for label in table.columns))
-    yield (*COLUMNS_OF_ITEMS, *map(written, labels))
+    yield (*COLUMNS_OF_ITEMS, *map(written, names_of_columns(labels, COLUMNS_OF_ITEMS)))
     for id, own in tables.items():
         first = documents[id][0]
         for number, table in enumerate(own, 1):

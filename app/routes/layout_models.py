@@ -249,4 +249,5 @@ def _initialized(model: StoredModel, samples: list[StoredSample], draft: ModelDr
         version=model.version,
         samples=len(samples),
         labels={label: counts.get(label, 0) for label in draft.labels},
+        warnings=draft.warnings,
     )

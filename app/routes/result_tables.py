@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -84,8 +84,8 @@ def rows_of_documents(documents: Mapping[str, Sequence[ResultEntry]], written: W
             "limit, or rows=values.",
             "rows",
         )
-    names = (written(name) for label in labels for name in (label, f"{label} confidence"))
-    yield (*COLUMNS_OF_DOCUMENTS, *names)
+    names = [name for label in labels for name in (label, f"{label} confidence")]
+    yield (*COLUMNS_OF_DOCUMENTS, *map(written, names_of_columns(names, COLUMNS_OF_DOCUMENTS)))
     for id, pages in documents.items():
         first = pages[0]
         found: dict[str, LabelField] = {}
@@ -102,6 +102,18 @@ def rows_of_documents(documents: Mapping[str, Sequence[ResultEntry]], written: W
             first.probability,
             *(cell for label in labels for cell in _cells(found.get(label), written)),
         )
+
+
+def names_of_columns(names: Sequence[str], taken: Collection[str]) -> list[str]:
+    """The names of columns, those that are taken, or occur again, with ` (label)` behind them: each name once."""
+    used, found = set(taken), []
+    for name in names:
+        own = name
+        while own in used:
+            own += " (label)"
+        used.add(own)
+        found.append(own)
+    return found
 
 
 def _cells(field: LabelField | None, written: Written) -> tuple[Cell, Cell]:

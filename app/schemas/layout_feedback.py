@@ -24,7 +24,8 @@ class FeedbackZone(BaseModel):
     id: str | None = Field(
         default=None,
         min_length=1,
-        description="Absent: the zone gets an id. An id of the result may be used again.",
+        description="Absent: that of the zone of the result at its place, or a new one. An id of the result may be "
+        "used again.",
     )
     box: tuple[float, float, float, float] = Field(
         description="x0, y0, x1, y1 in pixels of the page, x0 < x1, y0 < y1."
@@ -145,8 +146,8 @@ class Feedback(Answer):
     )
     warnings: list[Warning] = Field(
         description="`new-label`: a label that the class did not have. `earlier-lesson-kept`: earlier feedback on the "
-        "result could not be taken back. `nothing-learned`: the page has no zones. `rolled-back`, `replaced`: a "
-        "repeated feedback is not in effect any more."
+        "result could not be taken back. `nothing-learned`: the page has no zones. `two-cells-in-line`: of one column "
+        "of a table. `rolled-back`, `replaced`: a repeated feedback is not in effect any more."
     )
 
 

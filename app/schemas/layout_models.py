@@ -8,7 +8,7 @@ from fastapi import Path
 from pydantic import AfterValidator, Field
 
 from app.schemas.layout import MODEL_NAME_PATTERN
-from services.contract.answers.page import Answer
+from services.contract.answers.page import Answer, Warning
 
 
 def checked_name(name: str) -> str:
@@ -37,8 +37,9 @@ NameInBody = Annotated[
 class Health(Answer):
     """Error rates of recognition for a class, computed from feedback: recent ones and earlier ones.
 
-    Zone errors are the share (0-1) of zones with a wrong label; class errors are the share of pages with a wrong class;
-    null without feedback. If `recent_zone_error` is larger than `earlier_zone_error`, the class may have changed.
+    Zone errors are the share (0-1) of zones with a wrong label, without cells of tables; class errors are the share of
+    pages with a wrong class; null without feedback. If `recent_zone_error` is larger than `earlier_zone_error`, the
+    class may have changed.
     """
 
     feedbacks: int = Field(ge=0, description="Number of feedbacks that found or verified this class.")
@@ -82,6 +83,10 @@ class InitializedModel(Answer):
     samples: int = Field(ge=1, description="Number of pages that it was made from.")
     labels: dict[str, int] = Field(
         description="Its labels, and the number of zones of the samples with each."
+    )
+    warnings: list[Warning] = Field(
+        default=[],
+        description="Of the table of the class: `column-without-cells`, `column-outside-rows`, `two-cells-in-line`.",
     )
 
 

@@ -20,7 +20,7 @@ from services.layout.page import Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
 from services.layout.recognition.documents import DocumentParameters, class_of, recognize_document
 from services.layout.recognition.results import Recognition
-from services.layout.recognition.stack import part_stack
+from services.layout.recognition.stack import SURE, part_stack
 from simulation.labelled_pages import DocumentKind, LabelledPage, document_pages
 
 KINDS: tuple[DocumentKind, ...] = get_args(DocumentKind)
@@ -29,7 +29,6 @@ FIRST_SAMPLE = 9000
 """Seeds of pages that models are made of start here."""
 FEWEST_OF_STACK, MOST_OF_STACK = 10, 30
 """Pages of a stack."""
-SURE = 0.9
 LEFT_OF_FIRST_PAGE = 0.3
 """Share of the zones of a first page that is left where it is spoiled: a dark copy, a torn sheet."""
 Documents = list[tuple[DocumentKind, list[Page]]]

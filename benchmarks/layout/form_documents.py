@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from benchmarks.common.memory import Memory
-from benchmarks.layout.receipts import ServiceReader
+from benchmarks.layout.receipt_values import ServiceReader
 from benchmarks.rectify.sheet_experiments import LAMPS
 from services.arrays import RgbImage
 from services.contract.answers.tables import ItemCell

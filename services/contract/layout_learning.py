@@ -1,14 +1,15 @@
 """Input and output of learning: from feedback on one page, and in training rounds over all samples."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final, Generic, Literal, NotRequired, TypedDict, TypeVar
 
 from services.contract.answers.learning import GivenText, LabellingCosts, Round, WrongLabel
+from services.contract.answers.page import Warning
 from services.contract.fields import FieldSetting
 from services.contract.model_json import ModelJson
 from services.contract.page_json import PageJson, SampleJson
-from services.contract.result_json import LabelledZoneJson
+from services.contract.result_json import LabelledZoneJson, TableJson
 
 Learner = Literal["passive-aggressive", "counting", "error-correction"]
 """Algorithms by which a model learns from a verified page; `services.layout.learning.learners` implements them."""
@@ -89,7 +90,13 @@ class Adaptation:
     sample
         The verified page, in the form of `measure_sample`.
     zones
-        Number of zones of the page.
+        Number of zones of the page, without cells.
+    tables
+        The tables of the page by the verified class's model after learning; None where this may not change them.
+    columns
+        The labels of the columns of the verified class's table.
+    warnings
+        What is doubtful in the cells that the person labelled.
     """
 
     documents: dict[str, ModelJson]
@@ -97,6 +104,9 @@ class Adaptation:
     costs: list[LabellingCosts]
     sample: SampleJson
     zones: int
+    tables: list[TableJson] | None = None
+    columns: tuple[str, ...] = ()
+    warnings: list[Warning] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +139,10 @@ class Correction:
         The class whose later pages this class describes; None: none.
     tolerated_error
         Of the class, as the operator states it.
+    items
+        The columns of the class's table.
+    tables
+        As of the `Adaptation`.
     """
 
     class_name: str | None
@@ -137,6 +151,8 @@ class Correction:
     fields: Mapping[str, FieldSetting]
     continues: str | None
     tolerated_error: float
+    items: tuple[str, ...] = ()
+    tables: Sequence[TableJson] | None = None
 
 
 @dataclass(frozen=True, slots=True)

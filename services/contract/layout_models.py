@@ -1,6 +1,6 @@
 """Input and output of operations on layout models: initialization, comparison, proposals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from services.contract.answers.learning import Change
 from services.contract.answers.page import Warning
@@ -11,7 +11,7 @@ MOST_COMPARED_SAMPLES = 24
 """Largest number of samples of a class that proposals read, the newest ones; more do not change the mean costs and
 distances."""
 
-SEGMENTATION = "2026-11-27"
+SEGMENTATION = "2026-11-27.2"
 """Name of the present segmentation. Whoever changes which zones it finds gives it a new name (a date, `.2` for the
 second of a day), so that samples and versions say by which one they were measured: `python -m app remeasure`."""
 
@@ -26,10 +26,11 @@ class MeasuredSample:
 
 @dataclass(frozen=True, slots=True)
 class ModelDraft:
-    """A layout model without a version number, and its labels."""
+    """A layout model without a version number, its labels, and what was doubtful in the samples of its table."""
 
     document: ModelJson
     labels: list[str]
+    warnings: list[Warning] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

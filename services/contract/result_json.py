@@ -65,6 +65,13 @@ class FieldJson(TypedDict):
     zones: list[str]
 
 
+class FoundCellJson(TypedDict):
+    """`FoundCell`."""
+
+    text: str
+    confidence: float
+
+
 class CellJson(TypedDict):
     """`ItemCell`."""
 
@@ -74,6 +81,7 @@ class CellJson(TypedDict):
     currency: str | None
     problem: str | None
     confidence: float
+    found: NotRequired[FoundCellJson]
 
 
 class TableJson(TypedDict):

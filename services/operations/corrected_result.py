@@ -8,6 +8,7 @@ from services.contract.result_json import ClassJson, FieldJson, LabelledZoneJson
 from services.layout.learning.revised_zones import are_one_place
 from services.layout.page import Box, Page, Zone, ZoneWord
 from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
+from services.operations.corrected_tables import correct_tables
 from services.operations.layout_result import describe_fields
 from services.operations.replies import to_json_ready
 
@@ -33,13 +34,15 @@ def correct_result(
     """
     before = {zone["id"]: zone for zone in found["zones"]}
     shown = [_zone(zone, before.get(zone["id"]), correction) for zone in zones]
-    result: ResultJson = {**found, "zones": shown, "fields": _fields(shown, found, correction)}
+    tables, columns = correct_tables(found, shown, correction)
+    values = [zone for zone in shown if zone["label"] not in columns]
+    result: ResultJson = {**found, "zones": shown, "fields": _fields(values, found, correction)}
+    result["tables"] = tables
     name, found_name = correction.class_name, None if found["class"] is None else found["class"]["name"]
     result["class"] = _class(name, found["classes"])
     if name != found_name:
         chance = found["unknown_probability"] if found["class"] is None else found["class"]["probability"]
         result["found"] = {"class": found_name, "probability": chance}
-        result["tables"] = []  # they were read by the model of the other class
         result["part"] = None if name is None else "continuation" if correction.continues else "first"
         result["document_class"] = correction.continues or name
     if name != found_name or {(zone["id"], zone["label"]) for zone in shown} != {

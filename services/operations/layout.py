@@ -25,7 +25,6 @@ from services.contract.rectify import RectifyParameters
 from services.errors import TooLarge
 from services.imaging.codec import decode_image, encode_image
 from services.imaging.page_images import PagePicture
-from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.alto import write_alto
 from services.layout.exchange.page_json import page_to_document
 from services.layout.exchange.page_xml import write_page_xml
@@ -38,7 +37,7 @@ from services.layout.pipeline import (
     recognize,
 )
 from services.layout.recognition.documents import PageInDocument, place_page
-from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel
+from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
 from services.layout.rendering.overlay import draw_overlay, place_of_page
 from services.layout.segmentation import FinePage
@@ -48,7 +47,7 @@ from services.ocr.tesseract import default_language
 from services.operations.kept_picture import KeptPicture, encode_kept_picture
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_recognition
-from services.operations.layout_tables import SegmentedPage, gather_tables, has_table, with_tables
+from services.operations.layout_tables import gather_tables, recognize_view, with_tables
 from services.operations.page_reading import check_installed
 from services.operations.page_zones import check_frame, read_file, read_zones
 from services.operations.reader import ocr_engine
@@ -138,12 +137,14 @@ def recognize_picture(
         content_features(settings.content_features),
         RecognitionParameters(explain=options.explain),
     )
-    [gathered] = gather_tables([(measured.page, measured.fine)], versions, features)
-    recognition = _recognize(gathered, versions, parameters, features)
-    nearest = recognition.classes[0].name if recognition.classes else None
-    if gathered[0] is not measured.page and not has_table(nearest, versions):
-        # What looked like a table is none to this class: it knows such pages as they are.
-        recognition = _recognize((measured.page, measured.fine), versions, parameters, features)
+    plain = [(measured.page, measured.fine)]
+    [(_, fine)], recognition = recognize_view(
+        gather_tables(plain, versions, features),
+        plain,
+        versions,
+        lambda pages: recognize(pages[0][0], versions, parameters, features),
+    )
+    recognition = complete_recognition(fine, recognition, versions, parameters, features)
     timings_ms |= recognition.timings_ms
     [placed] = with_tables([place_page(recognition, versions)], versions, models)
     recognition = placed.recognition
@@ -159,17 +160,6 @@ def recognize_picture(
     picture = b"" if measured.kept is None else measured.kept.body
     drawn = DrawnPage(*place_of_page(recognition)) if options.format == "png" else None
     return LayoutReply(body, MEDIA_TYPES[options.format], answer, page, picture, drawn)
-
-
-def _recognize(
-    segmented: SegmentedPage,
-    versions: Sequence[VersionedModel],
-    parameters: RecognitionParameters,
-    features: ContentFeatures,
-) -> Recognition:
-    page, fine = segmented
-    recognition = recognize(page, versions, parameters, features)
-    return complete_recognition(fine, recognition, versions, parameters, features)
 
 
 def describe_page(

@@ -23,7 +23,6 @@ from services.contract.layout import (
 )
 from services.errors import InvalidOption, NotAcceptable
 from services.imaging.page_images import PageSource, naming_page, open_pages
-from services.layout.content.content_features import ContentFeatures
 from services.layout.exchange.page_json import page_to_document
 from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
@@ -48,7 +47,7 @@ from services.operations.layout import (
 )
 from services.operations.layout_html import HtmlPage, render_html
 from services.operations.layout_result import describe_class, describe_classes
-from services.operations.layout_tables import SegmentedPage, gather_tables, has_table, with_tables
+from services.operations.layout_tables import SegmentedPage, gather_tables, recognize_view, with_tables
 from services.operations.page_reading import check_installed
 from services.operations.reader import ocr_engine
 from services.operations.replies import (
@@ -64,9 +63,6 @@ from services.progress import progress_within, report_progress
 ARCHIVE = "application/zip"
 MOST_PICTURE_BYTES = 4 * 2**20
 """Of a page's picture that waits for the labels of all pages, from which HTML cuts its figures."""
-SURE = 0.9
-"""Of 6900 pages of simulated stacks by models of 2 to 8 samples 6 were wrong that were surer to begin a document, or
-not to; where a class has no model 11 of 3500."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,13 +150,11 @@ def _recognize_pages(
 def _unsure(parts: StackParts, begin: int, end: int) -> tuple[Notice, ...]:
     """Warnings about pages of one document that perhaps begin it, or another one."""
     notices = []
-    if parts.probabilities[begin] < SURE:
-        notices.append(f"pages[0] may go on with the document before ({1 - parts.probabilities[begin]:.2f}).")
-    for place in range(begin + 1, end):
-        if parts.probabilities[place] > 1 - SURE:
-            notices.append(
-                f"pages[{place - begin}] may begin another document ({parts.probabilities[place]:.2f})."
-            )
+    for place, chance in parts.unsure(begin, end):
+        if place == begin:
+            notices.append(f"pages[0] may go on with the document before ({1 - chance:.2f}).")
+        else:
+            notices.append(f"pages[{place - begin}] may begin another document ({chance:.2f}).")
     return tuple(
         Notice("unsure-beginning", text + " Samples of such pages help to tell.") for text in notices
     )
@@ -200,13 +194,28 @@ def _recognize_document(
     features = content_features(settings.content_features)
     parameters = _document_parameters(options)
     with timed("matching", timings_ms):
-        recognition = _recognize(gathered, versions, parameters, features, matched)
-        nearest = recognition.classes[0].name if recognition.classes else None
-        plain = [(page.measured.page, page.measured.fine) for page in seen]
-        is_gathered = any(a is not b for (a, _), (b, _) in zip(gathered, plain, strict=True))
-        if is_gathered and not has_table(nearest, versions):
-            recognition = _recognize(plain, versions, parameters, features, ())
-        recognition = replace(recognition, pages=tuple(with_tables(recognition.pages, versions, models)))
+        view, recognition = recognize_view(
+            gathered,
+            [(page.measured.page, page.measured.fine) for page in seen],
+            versions,
+            lambda pages: recognize_document(
+                [page for page, _ in pages],
+                versions,
+                features.names,
+                parameters,
+                matched=matched if pages is gathered else (),
+            ),
+        )
+        completed = [
+            replace(
+                placed,
+                recognition=complete_recognition(
+                    fine, placed.recognition, versions, parameters.recognition, features
+                ),
+            )
+            for placed, (_, fine) in zip(recognition.pages, view, strict=True)
+        ]
+        recognition = replace(recognition, pages=tuple(with_tables(completed, versions, models)))
     documents = [
         describe_page(placed, page.measured, options, models)
         for placed, page in zip(recognition.pages, seen, strict=True)
@@ -244,29 +253,6 @@ def _recognize_document(
         for described, placed, page in zip(documents, recognition.pages, seen, strict=True)
     ]
     return DocumentReply(body, media_type, answer, pages)
-
-
-def _recognize(
-    pages: Sequence[SegmentedPage],
-    versions: Sequence[VersionedModel],
-    parameters: DocumentParameters,
-    features: ContentFeatures,
-    matched: Sequence[Recognition],
-) -> DocumentRecognition:
-    """Class of the document, and labels of the zones of its pages."""
-    seen = recognize_document(
-        [page for page, _ in pages], versions, features.names, parameters, matched=matched
-    )
-    completed = (
-        replace(
-            placed,
-            recognition=complete_recognition(
-                fine, placed.recognition, versions, parameters.recognition, features
-            ),
-        )
-        for placed, (_, fine) in zip(seen.pages, pages, strict=True)
-    )
-    return replace(seen, pages=tuple(completed))
 
 
 def _measure(source: PageSource, options: LayoutOptions, settings: LayoutSettings) -> _SeenPage:

@@ -19,6 +19,8 @@ from services.layout.model.layout_model import MOST_LABELS, LayoutModel
 from services.layout.model.model_document import model_from_document, model_to_document
 from services.layout.page import InvalidLayout, Page
 from services.layout.pipeline import complete_sample, content_features, initialize_with_items
+from services.layout.tables.learning import table_page
+from services.layout.tables.sample_doubts import doubts_of_samples
 from services.operations.page_reading import check_installed
 from services.operations.page_zones import check_frame, exchange_limits, read_file, read_zones
 from services.operations.reader import ocr_engine
@@ -136,9 +138,13 @@ def initialize_from_samples(
         When a sample is not a valid page under the present limits.
     """
     pages, found = read_samples(samples, settings)
-    return draft_of(
+    draft = draft_of(
         initialize_with_items(name, pages, content_features(settings.content_features), found, items)
     )
+    cells = (
+        [table_page(page, other, items) for page, other in zip(pages, found, strict=True)] if items else []
+    )
+    return replace(draft, warnings=describe_warnings(doubts_of_samples(cells, items)))
 
 
 def read_samples(

@@ -1,7 +1,8 @@
 """Tables in a worker: pages whose tables are one zone each, and the tables of the answer."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 from services.contract.answers import tables as answers
 from services.contract.layout import ModelDocument
@@ -9,6 +10,7 @@ from services.layout.content.content_features import ContentFeatures
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel
 from services.layout.recognition.documents import PageInDocument
+from services.layout.recognition.results import ClassMatch
 from services.layout.segmentation import FinePage, compose_page
 from services.layout.tables.found_table import FoundTable
 from services.layout.tables.gathering import best_tables, gather_lines
@@ -42,9 +44,31 @@ def gather_tables(
     return gathered
 
 
-def has_table(name: str | None, models: Sequence[VersionedModel]) -> bool:
-    """Whether the class of this name has a table."""
-    return any(model.model.name == name and model.model.table is not None for model in models)
+class _Compared(Protocol):
+    @property
+    def classes(self) -> tuple[ClassMatch, ...]: ...
+
+
+R = TypeVar("R", bound=_Compared)
+
+
+def recognize_view(
+    gathered: Sequence[SegmentedPage],
+    plain: Sequence[SegmentedPage],
+    versions: Sequence[VersionedModel],
+    recognize: Callable[[Sequence[SegmentedPage]], R],
+) -> tuple[Sequence[SegmentedPage], R]:
+    """Pages as their class knows them, and what `recognize` makes of them.
+
+    What looked like a table is none to a class without one: its pages are matched as they are. Zones are regrouped
+    later, once.
+    """
+    seen = recognize(gathered)
+    nearest = seen.classes[0].name if seen.classes else None
+    has_table = any(model.model.name == nearest and model.model.table is not None for model in versions)
+    if has_table or all(a is b for (a, _), (b, _) in zip(gathered, plain, strict=True)):
+        return gathered, seen
+    return plain, recognize(plain)
 
 
 def with_tables(

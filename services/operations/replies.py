@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast, get_args
@@ -79,7 +79,7 @@ def describe_orientation(orientation: TurnedView, photo_rotation_deg: float | No
     )
 
 
-def describe_warnings(notices: tuple[Notice, ...]) -> list[Warning]:
+def describe_warnings(notices: Iterable[Notice]) -> list[Warning]:
     """The `warnings` of an answer."""
     return [Warning(code=notice.code, detail=notice.detail) for notice in notices]
 

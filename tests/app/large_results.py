@@ -24,7 +24,8 @@ from services.contract.layout_models import ModelDifference, ModelDraft
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.contract.operations import Operation
 from services.contract.rectify import RectifyParameters
-from tests.app.scripted import OPERATIONS, model_document
+from tests.app.scripted import OPERATIONS
+from tests.app.scripted_models import model_document
 from tests.app.scripted_results import document as rectified_document
 from tests.app.scripted_results import layout_document, mosaic_document
 

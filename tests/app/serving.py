@@ -17,7 +17,8 @@ from app.storage.layout_store import DATABASE
 from models.tables import Table
 from services.contract.operations import Operations
 from tests.app.loop_watch import LoopWatch, watched
-from tests.app.scripted import OPERATIONS, PAGE
+from tests.app.scripted import OPERATIONS
+from tests.app.scripted_layout import PAGE
 from tests.models.databases import make_file
 
 SETTINGS = {

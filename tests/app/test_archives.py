@@ -13,7 +13,8 @@ import pytest
 from app.http.archives import UploadedArchive
 from services.errors import DocumentError, InvalidOption, TooLarge
 from tests.app.hostile_archives import DIRECTORY, END, entry, mutated, packed, streamed, with_directory
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem

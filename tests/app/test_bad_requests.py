@@ -6,7 +6,8 @@ import httpx
 import pytest
 
 from tests.app.bad_requests import LATER, LAYOUT, MOSAIC, PHOTO, RECTIFY, Bad, other
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem

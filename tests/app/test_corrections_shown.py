@@ -21,8 +21,11 @@ from services.contract.operations import Operations
 from services.layout.page import Page, Zone
 from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.layout.rendering.overlay import draw_overlay
+from simulation.invoice_pages import ITEMS
 from tests.app.serving import serving
 from tests.app.test_feedback_undo import KINDS, page
+from tests.services.layout.tables.invoices import ALDER, made
+from tests.services.operations.test_layout_tables import found_page
 
 FORMATS = ("html", "pagexml", "alto", "png")
 LABELS = ["sender", "date", "body", "title", "subject", "new-one", None]
@@ -231,3 +234,43 @@ def test_what_was_said_is_shown_everywhere(client: httpx.Client, seed: int) -> N
     assert client.delete(f"/layout/results/{answer['id']}/feedback").status_code == 200
     assert representations(client, answer["id"]) == before
     assert client.delete(f"/layout/results/{answer['id']}").status_code == 204
+
+
+def invoice_zones(seed: int, labelled_rows: int) -> dict[str, Any]:
+    """An invoice as another program sends it: a zone for each run of words, those of the first rows with labels."""
+    [made_page] = made(ALDER, seed)
+    cells = [
+        (label, row[label].box)  # type: ignore[index]
+        for row in made_page.rows[:labelled_rows]
+        for label in ITEMS
+    ]
+    kept = found_page(made_page)
+    zones = []
+    for zone in kept["zones"]:
+        own = (label for label, box in cells if zone["box"][:2] == [box[0], box[1]])
+        zones.append({"id": zone["id"], "box": zone["box"], "text": zone["text"], "label": next(own, None)})
+    return {"width": kept["width"], "height": kept["height"], "zones": zones}
+
+
+def test_cells_of_feedback_show_in_tables_and_lists(client: httpx.Client) -> None:
+    for seed in range(3):
+        assert client.post("/layout/models/invoice/samples", json=invoice_zones(seed, 2)).status_code == 201
+    assert client.patch("/layout/models/invoice/settings", json={"items": list(ITEMS)}).status_code == 200
+    made_class = client.post("/layout/models/invoice/initialize")
+    assert made_class.json()["warnings"] == []
+    sent = invoice_zones(20, 0)
+    data = {"zones": json.dumps(sent), "models": "invoice"}
+    answer = client.post("/layout", data=data).json()
+    rows = answer["tables"][0]["rows"]
+    [cell] = [zone for zone in answer["zones"] if zone["box"] == rows[1][3]["box"]]
+    body = {"class": "invoice", "labels": {cell["id"]: "amount"}, "texts": {cell["id"]: "77.00"}}
+    told = give(client, answer["id"], body)
+    assert [each["code"] for each in told["warnings"]] == []
+    assert cell["id"] not in {each["zone"] for each in told["wrong"]}
+    shown = client.get(f"/layout/results/{answer['id']}").json()
+    changed = shown["tables"][0]["rows"][1][3]
+    assert (changed["text"], changed["found"]["text"]) == ("77.00", rows[1][3]["text"])
+    listed = client.get("/layout/results", params={"format": "csv", "rows": "items"}).text
+    assert [row["amount"] for row in csv.DictReader(io.StringIO(listed))][1] == "77.00"
+    assert client.delete(f"/layout/results/{answer['id']}/feedback").status_code == 200
+    assert client.get(f"/layout/results/{answer['id']}").json()["tables"] == answer["tables"]

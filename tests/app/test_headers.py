@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from tests.app.raw import connect
-from tests.app.scripted import model_document
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.counts import repeats
 

@@ -14,7 +14,7 @@ import pytest
 from starlette.datastructures import Headers
 
 from app.http.wishes import prefers_async
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_health import sample

@@ -14,7 +14,9 @@ from services.contract.answers.layout import LayoutResult
 from services.contract.layout import LayoutReply
 from tests.app.pools import named
 from tests.app.raw import connect, form, head, read_answer
-from tests.app.scripted import OPERATIONS, PAGE, model_document
+from tests.app.scripted import OPERATIONS
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_health import sample

@@ -13,7 +13,9 @@ from models.repository import Store
 from services.contract.answers.layout import DocumentResult, StackResult
 from services.contract.layout import DocumentReply, LayoutReply
 from tests.app.pools import named
-from tests.app.scripted import OPERATIONS, PAGE, model_document
+from tests.app.scripted import OPERATIONS
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.scripted_results import layout_document
 from tests.app.scripts import JPEG, upload
 from tests.app.serving import serving

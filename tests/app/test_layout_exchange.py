@@ -10,7 +10,8 @@ import httpx
 import pytest
 
 from app.routes import layout_exchange
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 

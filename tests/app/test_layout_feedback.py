@@ -14,7 +14,8 @@ from app.storage.layout_store import DATABASE
 from models.errors import VersionConflict
 from models.records import ResultDraft
 from models.repository import Store
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.app.test_layout_models import add_samples, labelled
 from tests.app.test_problems import assert_problem
@@ -418,6 +419,22 @@ def test_the_wrong_class_may_be_deleted_while_it_learns(
     doomed.append("memo")
     late = give(client, result, {"class": "memo", "labels": {"z1": "title"}})
     assert "memo" in str(assert_problem(late, 404, "not-found")["detail"])
+
+
+def test_a_drawn_zone_is_wrong_where_the_label_under_it_was(client: httpx.Client) -> None:
+    result = recognize(client)
+    first, second = client.get(f"/layout/results/{result}").json()["zones"]
+    left, top, right, bottom = first["box"]
+    halves = [[left, top, right, top + 3], [left, top + 3, right, bottom]]
+    zones = [
+        {"box": box, "label": label} for box, label in zip(halves, (first["label"], "date"), strict=True)
+    ]
+    told = answer(give(client, result, {"zones": [*zones, {"box": second["box"], "label": second["label"]}]}))
+    assert [(each["found"], each["verified"]) for each in told["wrong"]] == [(first["label"], "date")]
+    health = client.get("/layout/models/letter/health").json()
+    assert health["recent_zone_error"] == pytest.approx(1 / 3, abs=1e-4)
+    again = answer(give(client, result, {"class": "letter"}))  # what the result shows now
+    assert [each["zone"] for each in again["wrong"]] == [each["zone"] for each in told["wrong"]]
 
 
 def test_the_history_of_a_model(client: httpx.Client) -> None:

@@ -13,7 +13,7 @@ import pytest
 from app.storage.blobs import FOLDER
 from app.storage.kept_images import KeptImages
 from models.errors import StoreUnavailable
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import JPEG, upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem

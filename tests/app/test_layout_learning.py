@@ -9,7 +9,7 @@ import pytest
 from app.learning import samples as model_samples
 from models.errors import VersionConflict
 from models.repository import Store
-from tests.app.scripted import model_document
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_layout_feedback import answer, give, recognize, version

@@ -11,7 +11,8 @@ import pytest
 
 from app.learning import samples as model_samples
 from tests.app.raw import connect, head, read_answer
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 from tests.app.test_uploads import code
@@ -164,6 +165,7 @@ def test_a_class_is_made_of_its_samples(client: httpx.Client) -> None:
         "version": 1,
         "samples": 2,
         "labels": {"sender": 2, "body": 2, "date": 1},
+        "warnings": [],
     }
     assert client.get("/layout/models/letter").json() == model_document("letter", "sender", "body", "date")
     (version,) = client.get("/layout/models/letter/versions").json()["versions"]

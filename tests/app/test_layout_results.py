@@ -277,6 +277,21 @@ def test_a_row_an_item(tmp_path: Path) -> None:
         assert [len(json.loads(line)["tables"]) for line in lines] == [0, 1, 1, 1]
 
 
+def test_each_column_has_a_name_of_its_own(tmp_path: Path) -> None:
+    """Labels may be called as columns that tables of results have anyway."""
+    labels = ("class", "sum", "sum confidence")
+    table = items([cell("x"), cell("y")], columns=("table", "amount"))
+    with Store.open(tmp_path / DATABASE) as store:
+        store.add_result(with_items(page(*[(label, label, None) for label in labels]), table), 1000)
+    with serving(data_dir=tmp_path) as client:
+        first = client.get("/layout/results?format=csv&rows=items").text.splitlines()[0]
+        assert first.split(",")[3:] == ["table", "page", "row", "confidence", "table (label)", "amount"]
+        [row] = csv.DictReader(io.StringIO(client.get("/layout/results?format=csv&rows=documents").text))
+        assert len(row) == 6 + 2 * len(labels)
+        assert (row["class"], row["class (label)"]) == ("invoice", "class")
+        assert (row["sum"], row["sum confidence (label)"]) == ("sum", "sum confidence")
+
+
 def test_rows_are_of_tables_only(client: httpx.Client) -> None:
     problem = assert_problem(client.get("/layout/results?rows=pages", headers=KEYS[0]), 422, "invalid-option")
     assert problem["field"] == "rows"

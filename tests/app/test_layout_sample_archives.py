@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from app.http.archives import MOST_FILES
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem

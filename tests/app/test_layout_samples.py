@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_layout_models import labelled

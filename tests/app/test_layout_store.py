@@ -15,7 +15,8 @@ from app.storage.layout_store import MOST_THREADS, LayoutStore, ResultLimits
 from models.errors import ModelNotFound, ResultNotFound, StoreUnavailable
 from models.repository import Store
 from services.errors import InvalidOption
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem
 

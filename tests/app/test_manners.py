@@ -11,7 +11,7 @@ import pytest
 
 from app.http.representations import content_disposition
 from app.settings import Settings
-from tests.app.scripted import model_document
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem

@@ -20,7 +20,9 @@ from app.main import create_app
 from app.schemas.layout_settings import TypedField
 from app.settings import Settings
 from services.contract.mosaic import MOST_PHOTOS
-from tests.app.scripted import OPERATIONS, PAGE, model_document
+from tests.app.scripted import OPERATIONS
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.serving import serving
 from tests.counts import repeats
 

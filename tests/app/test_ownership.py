@@ -16,7 +16,8 @@ from app.access.known_keys import name_of_key, spellings_of_key
 from app.storage import backup_note
 from app.storage.layout_store import DATABASE
 from models.repository import Store
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_problems import assert_problem

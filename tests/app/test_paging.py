@@ -7,7 +7,8 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.app.scripted import PAGE, model_document
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_problems import assert_problem

@@ -20,7 +20,7 @@ from app.storage.uploads import PIECE_BYTES
 from services.contract.images import Encoding, PageReply
 from services.contract.mosaic import MosaicLimits, MosaicParameters
 from services.errors import InvalidOption
-from tests.app import scripted
+from tests.app import scripted_rectify
 from tests.app.pools import named
 from tests.app.raw import connect
 from tests.app.scripted import OPERATIONS
@@ -41,7 +41,7 @@ def digest(
     uploads: list[bytes], parameters: MosaicParameters, encoding: Encoding, limits: MosaicLimits
 ) -> PageReply:
     """The scripted mosaic, with a warning that has the digests of the photos."""
-    reply = scripted.mosaic(uploads, parameters, encoding, limits)
+    reply = scripted_rectify.mosaic(uploads, parameters, encoding, limits)
     assert reply.answer is not None
     notice = next(each for each in reply.answer.warnings if each.code == "bytes")
     notice.detail = " ".join(hashlib.sha256(each).hexdigest() for each in uploads)

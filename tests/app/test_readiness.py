@@ -15,7 +15,7 @@ from app.http.problems import refusal_of
 from app.storage.layout_store import DATABASE, LayoutStore, ResultLimits
 from app.storage.probe import Probe
 from models.errors import StoreUnavailable
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.serving import serving
 
 LIMITS = ResultLimits(60.0, 10, 10, 60.0)

@@ -11,7 +11,8 @@ from app.learning.remeasuring import remeasure
 from app.main import create_app
 from app.settings import Settings
 from app.storage.blobs import FOLDER
-from tests.app.scripted import OPERATIONS, PAGE
+from tests.app.scripted import OPERATIONS
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import upload
 from tests.app.serving import SETTINGS, serving
 from tests.app.test_layout_sample_archives import archive

@@ -31,7 +31,9 @@ from app.roles import (
     read_keys_file,
 )
 from app.settings import Settings
-from tests.app.scripted import OPERATIONS, PAGE, model_document
+from tests.app.scripted import OPERATIONS
+from tests.app.scripted_layout import PAGE
+from tests.app.scripted_models import model_document
 from tests.app.scripts import upload
 from tests.app.serving import serving
 from tests.app.test_jobs import LATER, start, until

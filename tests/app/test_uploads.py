@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from tests.app.raw import Answer, connect, form, head, read_answer
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import upload
 from tests.app.serving import POLL_S, serving
 from tests.app.test_health import sample

@@ -20,7 +20,7 @@ from document_rectification_client.models import (
     PlainRectifyResult,
 )
 from document_rectification_client.waiting import retry_after
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import upload
 from tests.clients.unreliable import Network, on
 from tests.end_to_end.forked import ROOT

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.app.scripted import PAGE
+from tests.app.scripted_layout import PAGE
 from tests.app.scripts import upload
 from tests.end_to_end.forked import ROOT
 from tests.end_to_end.typescript import NEEDS_NODE, NODE_MODULES

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Route, expect
 
-from tests.app.scripted import MARKUP_READ
+from tests.app.scripted_kept_pages import MARKUP_READ
 from tests.end_to_end.accessibility import violations
 from tests.end_to_end.browser import NEEDS_CHROMIUM
 from tests.end_to_end.forked import ROOT

@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from benchmarks.common.postgresql import Cluster, running_cluster
-from tests.app.scripted import model_document
+from tests.app.scripted_models import model_document
 from tests.app.test_layout_feedback import give, recognize, taught
 from tests.app.test_layout_models import add_samples, labelled
 from tests.counts import repeats

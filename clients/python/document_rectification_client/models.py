@@ -136,6 +136,14 @@ class FlatPage:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class FoundCell:
+    """What was found of a cell before a person corrected it."""
+
+    text: str
+    confidence: float
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class FoundClass:
     """The class that was found before a person corrected it; null: none, with the probability that it is
     none."""
@@ -169,6 +177,8 @@ class ItemCell:
     """As in `fields`."""
     confidence: float
     """Probability that the class, the row and the column of the cell and its text are right."""
+    found: FoundCell | None = None
+    """What was found, where feedback has corrected it; absent where there is no difference."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)

@@ -128,6 +128,11 @@ export interface components {
             height: number;
             mesh: components["schemas"]["Mesh"];
         };
+        /** @description What was found of a cell before a person corrected it. */
+        FoundCell: {
+            text: string;
+            confidence: number;
+        };
         /** @description The class that was found before a person corrected it; null: none, with the probability that it is none. */
         FoundClass: {
             class: string | null;
@@ -158,6 +163,8 @@ export interface components {
             problem?: ("no-value" | "several-values" | "ambiguous") | null;
             /** @description Probability that the class, the row and the column of the cell and its text are right. */
             confidence: number;
+            /** @description What was found, where feedback has corrected it; absent where there is no difference. */
+            found?: components["schemas"]["FoundCell"] | null;
         };
         /** @description A table whose columns the settings of the class name (`items`). */
         ItemTable: {
@@ -1045,6 +1052,7 @@ export type DocumentClass = components['schemas']['DocumentClass'];
 export type DocumentResult = components['schemas']['DocumentResult'];
 export type DocumentTable = components['schemas']['DocumentTable'];
 export type FlatPage = components['schemas']['FlatPage'];
+export type FoundCell = components['schemas']['FoundCell'];
 export type FoundClass = components['schemas']['FoundClass'];
 export type FoundZone = components['schemas']['FoundZone'];
 export type ItemCell = components['schemas']['ItemCell'];

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from services.contract.answers.page import Answer, FlatPage, Orientation, Warning
+from services.contract.answers.page import FOUND, Answer, FlatPage, Orientation, Warning, is_absent
 from services.contract.answers.tables import DocumentTable, ItemTable
 from services.contract.fields import FieldType, ValueProblem
 
@@ -78,13 +78,6 @@ class FoundClass(Answer):
     probability: float = Field(ge=0, le=1)
 
 
-def _is_absent(found: object) -> bool:
-    return found is None
-
-
-_FOUND = "What was found, where feedback has corrected it; absent where there is no difference."
-
-
 class LabelledZone(Answer):
     """One region of the page; null where a property was not measured."""
 
@@ -94,7 +87,7 @@ class LabelledZone(Answer):
     confidence: float = Field(
         ge=0, le=1, description="Probability of the label, given the class; 1 where a person has verified it."
     )
-    found: FoundZone | None = Field(default=None, exclude_if=_is_absent, description=_FOUND)
+    found: FoundZone | None = Field(default=None, exclude_if=is_absent, description=FOUND)
     group: str | None = Field(description="Label of the model node that the zone is grouped with.")
     order: int = Field(ge=0, description="Place in reading order, from 0.")
     kind: Literal["text", "figure", "rule", "noise"]
@@ -209,7 +202,7 @@ class LayoutResult(Answer):
     width: int | float = Field(gt=0, description="Pixels; an integer unless the zones were uploaded.")
     height: int | float = Field(gt=0)
     class_: DocumentClass | None = Field(validation_alias="class", serialization_alias="class")
-    found: FoundClass | None = Field(default=None, exclude_if=_is_absent, description=_FOUND)
+    found: FoundClass | None = Field(default=None, exclude_if=is_absent, description=FOUND)
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(
         ge=0,
@@ -276,7 +269,7 @@ class DocumentResult(Answer):
     )
     file_name: FileName = None
     class_: DocumentClass | None = Field(validation_alias="class", serialization_alias="class")
-    found: FoundClass | None = Field(default=None, exclude_if=_is_absent, description=_FOUND)
+    found: FoundClass | None = Field(default=None, exclude_if=is_absent, description=FOUND)
     classes: list[DocumentClass] = Field(description="All compared classes, most probable first.")
     unknown_probability: float = Field(ge=0, le=1)
     pages: list[LayoutResult]

@@ -71,6 +71,15 @@ class FlatPage(Answer):
     mesh: Mesh
 
 
+FOUND = "What was found, where feedback has corrected it; absent where there is no difference."
+"""Of the fields `found` of answers."""
+
+
+def is_absent(found: object) -> bool:
+    """Whether an answer leaves a field out."""
+    return found is None
+
+
 class Warning(Answer):
     """Remark on the quality of the result."""
 

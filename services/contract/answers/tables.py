@@ -4,8 +4,15 @@ from typing import Literal
 
 from pydantic import Field
 
-from services.contract.answers.page import Answer
+from services.contract.answers.page import FOUND, Answer, is_absent
 from services.contract.fields import FieldType, ValueProblem
+
+
+class FoundCell(Answer):
+    """What was found of a cell before a person corrected it."""
+
+    text: str
+    confidence: float = Field(ge=0, le=1)
 
 
 class ItemCell(Answer):
@@ -26,6 +33,7 @@ class ItemCell(Answer):
         le=1,
         description="Probability that the class, the row and the column of the cell and its text are right.",
     )
+    found: FoundCell | None = Field(default=None, exclude_if=is_absent, description=FOUND)
 
 
 class TableChecks(Answer):

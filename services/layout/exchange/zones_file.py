@@ -4,10 +4,10 @@ import codecs
 import json
 from collections.abc import Callable
 
-from services.layout.exchange.alto import page_of_alto
+from services.layout.exchange.alto_reading import page_of_alto
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
-from services.layout.exchange.page_xml import page_of_page_xml
+from services.layout.exchange.page_xml_reading import page_of_page_xml
 from services.layout.exchange.xml_reading import FIELD, read_xml
 from services.layout.page import InvalidLayout, Page
 from services.notices import Notice

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.page import Box, Page
+from services.layout.values.kinds import kinds_within
 
 KEY_LEFT, KEY_ABOVE = "words-left", "words-above"
 WORD_ASPECTS = ("own-words", "own-letters", "own-forms", KEY_LEFT, KEY_ABOVE)
@@ -36,24 +37,9 @@ _SAME_KEY = 3.0
 
 _WORD = re.compile(r"[^\W\d_]{2,}")
 _CHUNK = re.compile(r"\S+")
-_KINDS: tuple[tuple[str, re.Pattern[str]], ...] = (
-    ("date", re.compile(r"(?<!\d)\d{1,4}([./-])\d{1,2}\1\d{1,4}(?!\d)")),
-    (
-        "named-date",
-        re.compile(r"\d{1,2}\W{0,3}[^\W\d_]{3,9}\W{0,3}\d{2,4}|[^\W\d_]{3,9}\W{0,2}\d{1,2}\W{1,3}\d{4}"),
-    ),
-    ("time", re.compile(r"(?<!\d)\d{1,2}:\d{2}(?!\d)")),
-    ("amount", re.compile(r"(?<![\d.,])\d{1,3}(?:[.,' ]?\d{3}){0,3}[.,]\d{2}(?!\d)")),
-    ("percent", re.compile(r"\d\s?%")),
-    ("currency", re.compile(r"[$€£¥₹₽]|(?<![^\W\d_])(?:[A-Z]{2,3})(?=\s?\d+[.,]\d{2})")),
-    ("phone", re.compile(r"(?<![\w.])\+?\(?\d{2,4}\)?[ /-]\d{3}[\d -]{2,10}(?!\w)")),
-    ("mail", re.compile(r"\S@\S")),
-    ("web", re.compile(r"www\.|https?:")),
-    ("postal-code", re.compile(r"(?<![\w.,/-])\d{4,6}(?![\w.,/-])")),
-    ("long-number", re.compile(r"\d{7}")),
-    ("identifier", re.compile(r"(?<!\w)(?=\w*\d)(?=\w*[A-Za-z])[\w/-]{5,}")),
-)
-"""Kinds of values, by what they look like. Whether a text has such a value is not decided here."""
+
+_UNIT = re.compile(r"[A-Z]{2,3}\.?|[$€£¥₹₽:=]|\d{1,2}(?:[.,]\d{1,2})?\s?%")
+"""What stands between a key and its value: a currency, a rate, a colon."""
 
 Tokens = tuple[tuple[str, ...], ...]
 """Of one zone, by aspect: different tokens, in their order."""
@@ -146,7 +132,7 @@ def _forms(text: str) -> Iterator[str]:
 
 
 def _kinds(text: str) -> Iterator[str]:
-    return (f"={name}" for name, pattern in _KINDS if pattern.search(text))
+    return (f"={name}" for name in kinds_within(text))
 
 
 def _form(chunk: str) -> str:
@@ -194,7 +180,11 @@ class _Print:
         words: list[str] = []
         edge = box[0]
         for place in self.in_row(box):
-            found = _words(self.texts[place])
+            text = self.texts[place]
+            if _UNIT.fullmatch(text):
+                edge = x0[place]
+                continue
+            found = _words(text)
             if words and (not found or edge - x1[place] > _SAME_KEY * (box[3] - box[1])):
                 break
             words = [*found, *words]

@@ -6,7 +6,7 @@ is left of that stays together. So a grouping by print and one by words are matc
 samples say so.
 """
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations, groupby, pairwise
 
@@ -25,7 +25,7 @@ from services.layout.page import Page
 from services.layout.recognition.label_evidence import zone_shares
 from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, Line, compose_with_lines
-from services.layout.segmentation.measures import SAME_ROW
+from services.layout.segmentation.measures import rows_of_lines
 from services.ocr.engine import Word
 
 MOST_PARTS = 200
@@ -85,7 +85,7 @@ def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures
     blocks = tuple(part for block in cut.blocks for part in _without_taken(cut.fine, block, taken))
     if len(blocks) == len(cut.blocks):
         return fine
-    return replace(cut.fine, blocks=blocks)
+    return _with_whole_lines(fine, cut, blocks)
 
 
 def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
@@ -157,41 +157,76 @@ def _evidence(zone: RecognizedZone) -> float:
 
 @dataclass(frozen=True, slots=True)
 class CutLines:
-    """A page whose lines are parts, each of them a block, and the parts of every block of the page before."""
+    """A page whose lines are parts, each of them a block, and the parts of every block and line of the page before."""
 
     fine: FinePage
     blocks: tuple[tuple[int, ...], ...]
+    lines: tuple[tuple[int, ...], ...]
 
 
 def cut_lines(fine: FinePage) -> CutLines:
     """The page with its lines cut into parts."""
-    lines: list[Line] = []
-    boxes: list[np.ndarray] = []
-    words: list[tuple[Word, ...]] = []
-    texts: list[str] = []
+    made = _Lines([], [], [], [])
     parts: list[tuple[int, ...]] = []
     for index, line in enumerate(fine.lines):
         own = fine.words[index]
-        cuts = places_of_cuts(own, line.em * fine.scale)
-        begin = len(lines)
-        for a, b in pairwise([0, *cuts, len(own)]) if cuts else [(0, len(own))]:
-            box = _box_of(own[a:b], fine.boxes[index]) if cuts else fine.boxes[index]
-            lines.append(_narrowed(line, fine.boxes[index], box))
-            boxes.append(box)
-            words.append(own[a:b])
-            texts.append(" ".join(word.text for word in own[a:b]) if cuts else fine.texts[index])
-        parts.append(tuple(range(begin, len(lines))))
+        edges = [0, *places_of_cuts(own, line.em * fine.scale), len(own)]
+        parts.append(tuple(made.add(fine, index, a, b) for a, b in pairwise(edges)))
     blocks = tuple(tuple(part for line in block for part in parts[line]) for block in fine.blocks)
-    finer = replace(
-        fine,
-        lines=tuple(lines),
-        boxes=np.array(boxes).reshape(-1, 4),
-        words=tuple(words),
-        texts=tuple(texts),
-        begins=frozenset(parts[line][0] for line in fine.begins),
-        blocks=tuple((part,) for block in blocks for part in block),
-    )
-    return CutLines(finer, blocks)
+    begins = frozenset(parts[line][0] for line in fine.begins)
+    finer = made.page(fine, begins, ((part,) for block in blocks for part in block))
+    return CutLines(finer, blocks, tuple(parts))
+
+
+def _with_whole_lines(fine: FinePage, cut: CutLines, blocks: Sequence[Sequence[int]]) -> FinePage:
+    """The page with `blocks` of its parts; neighbouring parts of a line that are in one block are one line again."""
+    block_of = {part: place for place, block in enumerate(blocks) for part in block}
+    made = _Lines([], [], [], [])
+    line_of: dict[int, int] = {}
+    for index, parts in enumerate(cut.lines):
+        ends = np.cumsum([0, *(len(cut.fine.words[part]) for part in parts)]).tolist()
+        places = range(len(parts))
+        for _, run in groupby(places, key=lambda place: block_of.get(parts[place])):
+            own = list(run)
+            line = made.add(fine, index, ends[own[0]], ends[own[-1] + 1])
+            line_of |= {parts[place]: line for place in own}
+    begins = frozenset(line_of[cut.lines[line][0]] for line in fine.begins)
+    return made.page(fine, begins, (dict.fromkeys(line_of[part] for part in block) for block in blocks))
+
+
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """Lines of a page that are lines of another one, or parts of them."""
+
+    lines: list[Line]
+    boxes: list[np.ndarray]
+    words: list[tuple[Word, ...]]
+    texts: list[str]
+
+    def add(self, fine: FinePage, index: int, begin: int, end: int) -> int:
+        """Adds the words from `begin` to `end` of a line of `fine`; the place of what was added."""
+        own, box = fine.words[index], fine.boxes[index]
+        if (begin, end) == (0, len(own)):
+            part, text = box, fine.texts[index]
+        else:
+            part, text = _box_of(own[begin:end], box), " ".join(word.text for word in own[begin:end])
+        self.lines.append(_narrowed(fine.lines[index], box, part))
+        self.boxes.append(part)
+        self.words.append(own[begin:end])
+        self.texts.append(text)
+        return len(self.lines) - 1
+
+    def page(self, fine: FinePage, begins: frozenset[int], blocks: Iterable[Iterable[int]]) -> FinePage:
+        """The page of these lines in these blocks."""
+        return replace(
+            fine,
+            lines=tuple(self.lines),
+            boxes=np.array(self.boxes).reshape(-1, 4),
+            words=tuple(self.words),
+            texts=tuple(self.texts),
+            begins=begins,
+            blocks=tuple(map(tuple, blocks)),
+        )
 
 
 def _box_of(words: Sequence[Word], line: np.ndarray) -> np.ndarray:
@@ -265,7 +300,8 @@ def _without_taken(
         return
     together: list[int] = []
     before: str | None = None
-    for row in _rows(fine, block):
+    for places in rows_of_lines([fine.lines[part] for part in block], fine.boxes[list(block), 0].tolist()):
+        row = [block[place] for place in places]
         runs = [(label, list(run)) for label, run in groupby(row, key=lambda part: taken[part])]
         for label, run in runs:
             if together and (len(runs) > 1 or label != before):
@@ -278,18 +314,3 @@ def _without_taken(
             together = []
     if together:
         yield tuple(together)
-
-
-def _rows(fine: FinePage, block: Sequence[int]) -> Iterator[list[int]]:
-    """Parts of a block by rows from the top, each from left to right."""
-    ordered = sorted(block, key=lambda part: fine.lines[part].baseline)
-    row: list[int] = []
-    for part in ordered:
-        if row:
-            first, own = fine.lines[row[0]], fine.lines[part]
-            if own.baseline - first.baseline > SAME_ROW * min(first.em, own.em):
-                yield sorted(row, key=lambda each: fine.boxes[each, 0])
-                row = []
-        row.append(part)
-    if row:
-        yield sorted(row, key=lambda each: fine.boxes[each, 0])

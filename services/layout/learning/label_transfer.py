@@ -19,19 +19,18 @@ MOST_OF_ZONE = 0.75
 
 
 def transfer_labels(truth: Page, found: Page) -> Page:
-    """`found` with labels: each zone has the label of the zone in `truth` that covers most of it.
+    """`found` with labels: each zone has that of the smallest zone in `truth` that covers half of it.
 
-    The label is None when no true zone covers at least half of the found zone. Of two that cover it equally, the
-    smaller one counts.
+    So a zone within another one, as print within a dark border, has its own label. It is None where no true zone covers
+    half of the found one.
     """
     if not truth.zones or not found.zones:
         return replace(found, zones=tuple(replace(zone, label=None) for zone in found.zones))
     shares = shared_areas(found.zones, truth.zones) / box_areas(found.zones)[:, None]
-    smaller_first = np.argsort(box_areas(truth.zones), kind="stable")
-    best = smaller_first[np.argmax(np.round(shares[:, smaller_first], 3), axis=1)]
+    areas = np.where(shares >= 0.5, box_areas(truth.zones), np.inf)
     zones = (
-        replace(zone, label=truth.zones[index].label if shares[row, index] >= 0.5 else None)
-        for row, (zone, index) in enumerate(zip(found.zones, best, strict=True))
+        replace(zone, label=truth.zones[int(np.argmin(own))].label if np.isfinite(own).any() else None)
+        for zone, own in zip(found.zones, areas, strict=True)
     )
     return replace(found, zones=tuple(zones))
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from services.layout.page import Box, Page, Zone
+from services.layout.page import Box, Page, Zone, ZoneWord
 
 _SAME_PX = 1.0
 """Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
@@ -15,8 +15,8 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     """The drawn zones, with the properties of the found zones that they cover.
 
     A drawn zone at the place of a found one has all its properties. Other zones take means of font size, line spacing
-    and stroke weight over the found zones, weighted by area, and the lines of text that lie in them. What the person
-    gave (text, kind, and so on) has priority.
+    and stroke weight over the found zones, weighted by area, and the words that lie in them; of found zones whose words
+    are not known, the lines. What the person gave (text, kind, and so on) has priority.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     drawn
         The page with the person's zones and labels.
     """
-    return replace(drawn, zones=tuple(_revised(zone, page.zones) for zone in drawn.zones))
+    return replace(drawn, zones=tuple(_revised(zone, page) for zone in drawn.zones))
 
 
 def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
@@ -33,27 +33,47 @@ def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
     return max(abs(a - b) for a, b in zip(first, second, strict=True)) <= _SAME_PX
 
 
-def _revised(drawn: Zone, found: Sequence[Zone]) -> Zone:
-    under = [(zone, area) for zone in found if (area := _common_area(zone.box, drawn.box)) > 0]
-    for zone, _ in under:
-        if are_one_place(zone.box, drawn.box):
-            return _with_given(replace(zone, id=drawn.id, label=drawn.label), drawn)
+def zone_at(box: Sequence[float], found: Sequence[Zone]) -> Zone | None:
+    """The found zone whose place a box has; None where it has that of none."""
+    return next((zone for zone in found if are_one_place(zone.box, box)), None)
+
+
+def is_text_known(page: Page, box: Box) -> bool:
+    """Whether the zones of a page say what is read in a box: not where they have a text and its words have no place."""
+    under = [zone for zone in page.zones if zone.text and _common_area(zone.box, box) > 0]
+    if not under or zone_at(box, page.zones) is not None:
+        return True
+    return any(zone.words or any(_lines_within(zone, box)) for zone in under)
+
+
+def _revised(drawn: Zone, page: Page) -> Zone:
+    under = [(zone, area) for zone in page.zones if (area := _common_area(zone.box, drawn.box)) > 0]
+    same = zone_at(drawn.box, page.zones)
+    if same is not None:
+        return _with_given(replace(same, id=drawn.id, label=drawn.label), drawn)
     if not under:
-        return drawn
-    largest = max(under, key=lambda each: each[1])[0]
-    lines = [line for zone, _ in under for line in _lines_within(zone, drawn.box)]
+        rows = _rows_within(page.loose, drawn.box)
+        return _with_given(replace(drawn, text=_text(rows), words=_words(rows)), drawn)
+    nearest = max(under, key=lambda each: each[1] / (_area(each[0].box) + _area(drawn.box) - each[1]))[0]
+    rows = [row for zone, _ in under for row in _rows_within(zone.words, drawn.box)]
+    lines = [line for zone, _ in under if not zone.words for line in _lines_within(zone, drawn.box)]
+    if not rows and not any(lines):
+        rows = _rows_within(page.loose, drawn.box)
+    printed = sum(len(_lines_within(zone, drawn.box)) for zone, _ in under)
+    texts = [*filter(None, (_text(rows), *lines))]
     measured = Zone(
         id=drawn.id,
         box=drawn.box,
-        kind=largest.kind,
-        lines=len(lines) or None,
+        kind="text" if rows else nearest.kind,
+        lines=max(printed, len(rows) + len(lines)) or None,
         font_size=_mean(under, "font_size"),
         line_spacing=_mean(under, "line_spacing"),
         weight=_mean(under, "weight"),
-        alignment=largest.alignment if len(under) == 1 else None,
-        appearance=largest.appearance if len(under) == 1 else None,
-        text="\n".join(line for line in lines if line),
+        alignment=nearest.alignment if len(under) == 1 else None,
+        appearance=nearest.appearance if len(under) == 1 else None,
+        text="\n".join(texts),
         label=drawn.label,
+        words=() if lines else _words(rows),
     )
     return _with_given(measured, drawn)
 
@@ -72,6 +92,24 @@ def _with_given(measured: Zone, drawn: Zone) -> Zone:
     return replace(measured, **given)
 
 
+def _rows_within(words: Sequence[ZoneWord], box: Box) -> list[list[ZoneWord]]:
+    """The words whose centres lie in a box, by rows; a value in a line is a part of the zone."""
+    rows: dict[int, list[ZoneWord]] = {}
+    for word in words:
+        x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
+        if box[0] <= x <= box[2] and box[1] <= y <= box[3]:
+            rows.setdefault(word.line, []).append(word)
+    return list(rows.values())
+
+
+def _text(rows: Sequence[Sequence[ZoneWord]]) -> str:
+    return "\n".join(" ".join(word.text for word in row) for row in rows)
+
+
+def _words(rows: Sequence[Sequence[ZoneWord]]) -> tuple[ZoneWord, ...]:
+    return tuple(replace(word, line=number) for number, row in enumerate(rows) for word in row)
+
+
 def _lines_within(zone: Zone, box: Box) -> list[str]:
     """The lines of a found zone whose middle lies in a box; the zone's height is divided among its lines equally."""
     x0, y0, x1, y1 = zone.box
@@ -86,6 +124,10 @@ def _lines_within(zone: Zone, box: Box) -> list[str]:
         texts[(count - 1) // 2] = zone.text
     middles = [y0 + (y1 - y0) * (line + 0.5) / count for line in range(count)]
     return [text for text, middle in zip(texts, middles, strict=True) if box[1] <= middle < box[3]]
+
+
+def _area(box: Box) -> float:
+    return (box[2] - box[0]) * (box[3] - box[1])
 
 
 def _common_area(first: Box, second: Box) -> float:

@@ -9,7 +9,7 @@ programming, the probability of each beginning by sums over all chains (forward 
 """
 
 import math
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,9 @@ _UNTAUGHT = 0.03
 one: as a middle page, where all samples were last ones. Without it 80 of 690 such pages began documents, nearly all
 with a probability above 0.9; 0.1 makes as many mistakes."""
 
+SURE = 0.9
+"""Of 6900 pages of simulated stacks by models of 2 to 8 samples 6 were wrong that were surer to begin a document, or
+not to; where a class has no model 11 of 3500."""
 _MOST_LACKING = 0.9
 """Probability that a later page lacks a label that none of its samples has: they are few, and labels may be wrong."""
 
@@ -57,6 +60,16 @@ class StackParts:
     beginnings: tuple[int, ...]
     probabilities: tuple[float, ...]
     matched: tuple[Recognition, ...] = ()
+
+    def unsure(self, begin: int, end: int) -> Iterator[tuple[int, float]]:
+        """Places of pages of the document from `begin` to `end` that are less sure than `SURE` to begin it, or not to.
+
+        With each its probability of beginning a document.
+        """
+        for place in range(begin, end):
+            chance = self.probabilities[place]
+            if (chance if place == begin else 1.0 - chance) < SURE:
+                yield place, chance
 
 
 def part_stack(

@@ -77,7 +77,7 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
     read = [index for index in block if fine.texts[index]]
     return Zone(
         id="",
-        box=_hull(fine.boxes[list(block)]),
+        box=hull(fine.boxes[list(block)]),
         kind="text",
         lines=count_rows(lines),
         font_size=em * fine.scale,
@@ -89,6 +89,8 @@ def text_zone(fine: FinePage, block: Sequence[int]) -> Zone:
     )
 
 
-def _hull(boxes: NDArray[np.float64]) -> Box:
-    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+def hull(boxes: NDArray[np.float64] | Sequence[Box]) -> Box:
+    """The box round all of these (N, 4)."""
+    corners = np.asarray(boxes, dtype=np.float64)
+    (x0, y0), (x1, y1) = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
     return float(x0), float(y0), float(x1), float(y1)

@@ -13,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.layout.read_words import is_value
-from services.layout.segmentation.fine_page import FinePage
+from services.layout.segmentation.fine_page import FinePage, hull
 from services.layout.segmentation.frame import LevelledFrame
 from services.layout.segmentation.measures import SAME_ROW
 from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line
+from services.layout.segmentation.words import is_sign, is_word
+from services.layout.word_rows import rows_of_words
 from services.ocr.engine import MADE_UP, Word
 
 _SURE = 0.6
 """Least confidence of a word that is believed without a line."""
-_MANY = 0.25
+_MANY = 0.1
 """Share of the sure words that have no line, from which on the components are not believed. On letters in which a
 signature or a stamp covers print it is up to 15 %."""
 _FEW = 5
@@ -30,26 +32,37 @@ _SURE_VALUE = 0.9
 read for, and print that only looks like a letter is never one."""
 _COLUMN_GAP = 2.0
 """Space between two words that parts lines, in heights of the words."""
+_WORD_SPACE = 1.0
+"""Largest space between words of a line, in heights of the larger one; ..."""
+_LIKE_HEIGHT = 1.6
+"""... and the largest ratio of their heights."""
 _COVERED = 0.5
 """Share of a line without words from which on it is a scrap of the lines that were read."""
+
+
+def believes_words(fine: FinePage, words: Sequence[Word] | None) -> bool:
+    """Whether much of what was read has no line on the page, so that its words are to make the lines."""
+    sure = _sure(words)
+    lost = [word for word in _lost(fine, words) if not is_sign(word)]
+    return len(lost) >= _FEW and _letters(lost) >= _MANY * _letters(sure)
 
 
 def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: LevelledFrame) -> FinePage:
     """The page with lines of the `words` that no line and no figure has, each a block.
 
-    Where these are few, only sure values are taken; where there are none, it is the same page.
+    A word beside a line that was read is one of this line. Of the others, where they are few, only sure values are
+    taken; where there are none, it is the same page.
     """
-    sure = [word for word in words or () if word.confidence >= _SURE and any(map(str.isalnum, word.text))]
-    held = _held(fine)
-    lost = [word for word in sure if (word.text, word.box) not in held]
-    if len(lost) < max(_FEW, _MANY * len(sure)):
+    believed = believes_words(fine, words)
+    fine = _with_words_beside(fine, _lost(fine, words), frame)
+    lost = [word for word in _lost(fine, words) if not is_sign(word)]
+    if not believed:
         lost = [word for word in lost if word.confidence >= _SURE_VALUE and is_value(word.text)]
     if not lost:
         return fine
     rows = list(_rows(lost))
-    boxes = np.array([_hull(row) for row in rows])
-    levelled = frame.level(boxes / np.array([*frame.scale, *frame.scale]))
-    lines = [_line(box) for box in levelled]
+    boxes = np.array([hull([word.box for word in row]) for row in rows])
+    lines = [_line(box) for box in frame.level(boxes / np.array([*frame.scale, *frame.scale]))]
     scraps = _scraps(fine, boxes)
     blocks = [tuple(line for line in block if line not in scraps) for block in fine.blocks]
     count = len(fine.lines)
@@ -61,6 +74,63 @@ def with_lost_words(fine: FinePage, words: Sequence[Word] | None, frame: Levelle
         words=(*fine.words, *map(tuple, rows)),
         blocks=(*(block for block in blocks if block), *((count + row,) for row in range(len(rows)))),
     )
+
+
+def _with_words_beside(fine: FinePage, lost: Sequence[Word], frame: LevelledFrame) -> FinePage:
+    """The page whose read lines have the `lost` words that stand right beside their own, as part of the same row."""
+    longer: dict[int, list[Word]] = {}
+    left = list(lost)
+    for line, own in enumerate(fine.words):
+        if not own:
+            continue
+        words = list(own)
+        while beside := [word for word in left if _is_beside(word, words)]:
+            words += beside
+            left = [word for word in left if word not in beside]
+        words.sort(key=lambda word: word.box[0])
+        ends = [place for place, word in enumerate(words) if not is_sign(word) or word in own]
+        if len(words[ends[0] : ends[-1] + 1]) > len(own):
+            longer[line] = words[ends[0] : ends[-1] + 1]
+    if not longer:
+        return fine
+    boxes, lines, texts, words_of = fine.boxes.copy(), list(fine.lines), list(fine.texts), list(fine.words)
+    for line, words in longer.items():
+        added = np.array([word.box for word in words if word not in fine.words[line]])
+        boxes[line] = hull([*fine.boxes[line : line + 1], *added])
+        levelled = frame.level(added / np.array([*frame.scale, *frame.scale]))
+        lines[line] = replace(lines[line], box=hull([lines[line].box, *levelled]))
+        texts[line], words_of[line] = " ".join(word.text for word in words), tuple(words)
+    return replace(fine, boxes=boxes, lines=tuple(lines), texts=tuple(texts), words=tuple(words_of))
+
+
+def _is_beside(word: Word, row: Sequence[Word]) -> bool:
+    """Whether a word stands next to one of a row, as high as that and on its level."""
+    x0, y0, x1, y1 = word.box
+    for each in row:
+        a0, b0, a1, b1 = each.box
+        low, high = sorted((y1 - y0, b1 - b0))
+        if is_sign(word) or is_sign(each):
+            low = high = max(low, high)
+        near = max(x0 - a1, a0 - x1) <= _WORD_SPACE * high
+        level = abs(y0 + y1 - b0 - b1) / 2 <= SAME_ROW * high
+        if near and level and high <= _LIKE_HEIGHT * low:
+            return True
+    return False
+
+
+def _lost(fine: FinePage, words: Sequence[Word] | None) -> list[Word]:
+    """Sure words, and signs, that no line and no figure has."""
+    held = _held(fine)
+    signs = [word for word in words or () if is_sign(word)]
+    return [word for word in (*_sure(words), *signs) if (word.text, word.box) not in held]
+
+
+def _sure(words: Sequence[Word] | None) -> list[Word]:
+    return [word for word in words or () if word.confidence >= _SURE and is_word(word)]
+
+
+def _letters(words: Sequence[Word]) -> int:
+    return sum(len(word.text) for word in words)
 
 
 def with_loose_words(fine: FinePage, words: Sequence[Word] | None) -> FinePage:
@@ -89,25 +159,14 @@ def _held(fine: FinePage) -> set[tuple[str, tuple[float, float, float, float]]]:
 
 def _rows(words: Sequence[Word]) -> Iterator[list[Word]]:
     """Words of one row without a wide space between them, from left to right."""
-    left = sorted(words, key=lambda word: word.box[1] + word.box[3])
-    while left:
-        first = left[0]
-        middle, height = (first.box[1] + first.box[3]) / 2, first.box[3] - first.box[1]
-        row = [word for word in left if abs((word.box[1] + word.box[3]) / 2 - middle) <= SAME_ROW * height]
-        left = [word for word in left if word not in row]
-        row.sort(key=lambda word: word.box[0])
+    for row in rows_of_words(words):
         part = row[:1]
         for word in row[1:]:
-            if word.box[0] - part[-1].box[2] > _COLUMN_GAP * height:
+            if word.box[0] - part[-1].box[2] > _COLUMN_GAP * (part[0].box[3] - part[0].box[1]):
                 yield part
                 part = []
             part.append(word)
         yield part
-
-
-def _hull(words: Sequence[Word]) -> NDArray[np.float64]:
-    boxes = np.array([word.box for word in words])
-    return np.concatenate([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])
 
 
 def _line(box: NDArray[np.float64]) -> Line:

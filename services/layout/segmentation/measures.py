@@ -29,15 +29,21 @@ def count_rows(lines: Sequence[Line]) -> int:
     return len(_row_steps(lines)) + 1
 
 
-def order_by_rows(lines: Sequence[Line], left: Sequence[float]) -> list[int]:
-    """Places of `lines`, whose left ends are `left`: row by row from the top, from left to right within a row."""
+def rows_of_lines(lines: Sequence[Line], left: Sequence[float]) -> list[list[int]]:
+    """Places of `lines`, whose left ends are `left`, by rows from the top, from left to right within a row."""
     downwards = sorted(range(len(lines)), key=lambda place: lines[place].baseline)
-    least = _least_step(lines)
-    row_of, row = dict.fromkeys(downwards[:1], 0), 0
+    rows = [downwards[:1]] if downwards else []
+    least = _least_step(lines) if lines else 0.0
     for above, place in pairwise(downwards):
-        row += lines[place].baseline - lines[above].baseline > least
-        row_of[place] = row
-    return sorted(downwards, key=lambda place: (row_of[place], left[place]))
+        if lines[place].baseline - lines[above].baseline > least:
+            rows.append([])
+        rows[-1].append(place)
+    return [sorted(row, key=lambda place: left[place]) for row in rows]
+
+
+def order_by_rows(lines: Sequence[Line], left: Sequence[float]) -> list[int]:
+    """Places of `lines`, whose left ends are `left`, row by row."""
+    return [place for row in rows_of_lines(lines, left) for place in row]
 
 
 def _row_steps(lines: Sequence[Line]) -> NDArray[np.float64]:

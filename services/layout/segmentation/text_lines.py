@@ -68,7 +68,7 @@ def find_lines(components: InkComponents, glyphs: Indices) -> list[Line]:
     words = group_linked(len(glyphs), *_word_links(boxes))
     word_boxes = unite_boxes(boxes, words)
     operators = find_operators(components, glyphs)
-    links = _row_links(word_boxes), links_across(operators, word_boxes)
+    links = row_links(word_boxes), links_across(operators, word_boxes)
     rows = group_linked(len(word_boxes), *np.concatenate(links, axis=1))
     if rows.max() >= _MOST_LINES:
         rows = _widest(word_boxes, rows, _MOST_LINES)
@@ -222,7 +222,7 @@ def _word_links(boxes: Boxes) -> tuple[Indices, Indices]:
     return i[linked], j[linked]
 
 
-def _row_links(boxes: Boxes) -> tuple[Indices, Indices]:
+def row_links(boxes: Boxes) -> tuple[Indices, Indices]:
     """Links of words to the next word of their row; of two columns, too, where the gutter is narrow."""
     i, j, gap, shared = _side_by_side(boxes)
     height = boxes[:, 3] - boxes[:, 1]

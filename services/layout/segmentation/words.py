@@ -8,6 +8,30 @@ from numpy.typing import NDArray
 from services.layout.segmentation.components import Boxes, Indices
 from services.ocr.engine import Word
 
+_SIGNS = frozenset("&+@/=:×*–—-")
+"""What stands between words and is read as a word of its own; other marks alone are specks and rules more often."""
+
+
+def is_word(word: Word) -> bool:
+    """Whether it has a letter or a digit."""
+    return any(map(str.isalnum, word.text))
+
+
+def is_sign(word: Word) -> bool:
+    """Whether it is a sign alone, as "&" or "/"."""
+    return len(word.text) == 1 and word.text in _SIGNS
+
+
+def between_words(line_of_word: Indices, is_word: NDArray[np.bool_], boxes: Boxes) -> NDArray[np.bool_]:
+    """Whether each word (N,) stands between two of its line that are words (`is_word`); `boxes` (N, 4)."""
+    x0, x1 = boxes[:, 0], boxes[:, 2]
+    within = np.zeros(len(line_of_word), dtype=np.bool_)
+    for line in np.unique(line_of_word[~is_word & (line_of_word >= 0)]):
+        own = line_of_word == line
+        words = own & is_word
+        within |= own & (x0 > x0[words].min(initial=np.inf)) & (x1 < x1[words].max(initial=-np.inf))
+    return within
+
 
 def assign_words(words: Sequence[Word], boxes: Boxes, lines: Boxes) -> Indices:
     """Line of every word (words,), -1 for none: the one that shares most of its box.

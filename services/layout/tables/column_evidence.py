@@ -10,8 +10,9 @@ from rapidfuzz.fuzz import ratio
 from scipy.optimize import linear_sum_assignment
 
 from services.layout.tables.cell_numbers import number_of, size_of
-from services.layout.tables.print_rows import KINDS, header_words, kind_of
+from services.layout.tables.print_rows import header_words
 from services.layout.tables.table_model import ColumnModel, Sums, TableModel
+from services.layout.values.kinds import KINDS, kind_of
 
 _SAME_WORD = 75.0
 """Similarity, 0-100, from which on a header word is a known one: one wrong letter in four."""
@@ -49,7 +50,7 @@ class PrintedColumn:
 
     @property
     def kinds(self) -> list[str]:
-        """Those of its texts (`print_rows.kind_of`)."""
+        """Those of its texts (`values.kinds.kind_of`)."""
         return [kind_of(text) for text in self.cells if text]
 
 

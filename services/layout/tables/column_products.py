@@ -40,6 +40,22 @@ def tests_product(one: Decimal | None, other: Decimal | None, product: Decimal |
     return product is not None and all(each is not None and each not in (0, 1) for each in (one, other))
 
 
+def row_fits(rule: ProductRule | None, row: Mapping[str, str], discount: str = "") -> bool | None:
+    """Whether the numbers of a row (texts by label) are factors and product of a rule; None where they cannot tell.
+
+    `discount` is the text of a discount in percent. That one times a price is the price confirms nothing; that it is
+    another amount is wrong.
+    """
+    if rule is None:
+        return None
+    of, by, gives = (number_of(row.get(label, "")) for label in (rule.of, rule.by, rule.gives))
+    if of is None or by is None or gives is None:
+        return None
+    less = number_of(discount) or Decimal(0)
+    fits = fits_product(of * (100 - less) / 100, by, gives)
+    return fits if tests_product(of, by, gives) or not fits else None
+
+
 def product_rule(model: TableModel) -> ProductRule | None:
     """The rule that holds of the most rows of the samples; None where none holds of nearly all."""
     held = [

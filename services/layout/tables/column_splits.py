@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from services.layout.page import ZoneWord
 from services.layout.tables.column_evidence import PrintedColumn
-from services.layout.tables.print_rows import NUMERIC, kind_of
+from services.layout.values.kinds import NUMERIC, kind_of
 
 _RIVER = 0.25
 """Least width of what all rows leave free, in em."""

@@ -6,7 +6,7 @@ of values and places best. Rows that fill these columns are items; rows between 
 item above or below; a row that is neither ends the table, as sums do.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from statistics import median
@@ -21,18 +21,10 @@ from services.layout.tables.column_evidence import (
     column_scores,
     header_evidence,
 )
-from services.layout.tables.column_products import with_products
+from services.layout.tables.column_products import product_rule, row_fits, with_products
 from services.layout.tables.column_splits import split_at_numbers
 from services.layout.tables.found_table import FoundCell, FoundTable
-from services.layout.tables.print_rows import (
-    NUMERIC,
-    Segment,
-    em_of,
-    kind_of,
-    page_words,
-    printed_rows,
-    segments_of,
-)
+from services.layout.tables.print_rows import Segment, em_of, page_words, printed_rows, segments_of
 from services.layout.tables.row_cells import (
     NEXT_ROW,
     PageRows,
@@ -45,6 +37,7 @@ from services.layout.tables.row_cells import (
 )
 from services.layout.tables.table_body import TableBody, find_body, lines_of_items
 from services.layout.tables.table_model import TableModel
+from services.layout.values.kinds import NUMERIC, kind_of
 
 MOST_TABLES = 4
 """Of a page."""
@@ -103,9 +96,15 @@ class _Search:
         for first in islice(self._run_starts(), _MOST_STARTS):
             for seeds in self._seeds_without_header(first, before):
                 for tried in self._tables((), seeds, first, set(), before):
-                    # Two numbers and a text are an item only where others are like it.
-                    if before is not None or tried.found.headers or len(tried.found.rows) > 1:
+                    # Two numbers and a text are an item only where others are like it, or its numbers are a product.
+                    rows = tried.found.rows
+                    is_alone = before is None and not tried.found.headers and len(rows) == 1
+                    if not is_alone or self._is_product(rows[0]):
                         yield tried
+
+    def _is_product(self, row: Mapping[str, FoundCell]) -> bool:
+        """Whether the numbers of an item are factors and product of the samples' rule."""
+        return bool(row_fits(product_rule(self.model), {label: cell.text for label, cell in row.items()}))
 
     def below_headers(self, taken: set[int]) -> Iterator[_Tried]:
         """Tables below a header that samples know."""

@@ -12,18 +12,17 @@ from services.layout.tables.finding import find_tables
 from services.layout.tables.found_table import FoundTable
 from services.layout.tables.gathering import gather_zones
 from services.layout.tables.print_rows import (
-    NUMERIC,
     PrintedRow,
     Segment,
     box_of,
     em_of,
     header_words,
-    kind_of,
     page_words,
     printed_rows,
     segments_of,
 )
 from services.layout.tables.table_model import MOST_HEADER_WORDS, ColumnModel, Sums, TableModel
+from services.layout.values.kinds import NUMERIC, kind_of
 
 _SAME_ROW = 0.3
 """Common height of two cells of a row, as a share of the lower one."""
@@ -80,7 +79,7 @@ def labelled_rows(page: TablePage) -> list[LabelledRow]:
     rows: list[tuple[Box, dict[str, tuple[ZoneWord, ...]]]] = []
     for label, box, own in sorted(cells, key=lambda each: each[1][1]):
         for place, (around, row) in enumerate(rows):
-            if label not in row and _common_height(box, around) > _SAME_ROW:
+            if label not in row and common_height(box, around) > _SAME_ROW:
                 row[label] = own
                 rows[place] = _hull(around, box), row
                 break
@@ -99,7 +98,8 @@ def _inside(words: Sequence[ZoneWord], box: Box) -> tuple[ZoneWord, ...]:
     return tuple(word for word in words if is_inside(word))
 
 
-def _common_height(a: Box, b: Box) -> float:
+def common_height(a: Box, b: Box) -> float:
+    """Common height of two boxes as a share of the lower one's; negative where they have none."""
     return (min(a[3], b[3]) - max(a[1], b[1])) / max(1e-6, min(a[3] - a[1], b[3] - b[1]))
 
 

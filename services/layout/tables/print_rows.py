@@ -6,31 +6,15 @@ from dataclasses import dataclass
 from statistics import median
 
 from services.layout.page import Box, Page, ZoneWord
+from services.layout.word_rows import rows_of_words
 
 MOST_WORDS = 4000
 """Of a page that is searched for tables; a page of small print has half as many."""
 EM = 1.35
 """Font size in heights of a word: capitals have 0.7 of it, words with a descender 0.93."""
-_SAME_ROW = 0.5
-"""Common height of two words of a row, as a share of the lower one's."""
 _WIDE = 0.75
 """Space between cells of a row, in em; words of a cell are 0.3 em apart."""
 
-_NUMBER = r"[-−–(]?\d{1,3}(?:[.,'’ \u00a0\u202f]?\d{3})*"
-_SIGN = r"(?:[A-Z]{3}|[^\W\d_]{0,2}[$€£¥₹]|kr|Kč|zł|Fr\.?)"
-_KINDS: tuple[tuple[str, re.Pattern[str]], ...] = (
-    ("integer", re.compile(rf"{_NUMBER}")),
-    ("percent", re.compile(r"\d{1,3}(?:[.,]\d{1,2})?\s?%")),
-    ("amount", re.compile(rf"(?:{_SIGN}\s?)?{_NUMBER}[.,]\d{{2}}\)?(?:\s?{_SIGN})?|{_NUMBER},[-–—]{{1,2}}")),
-    ("amount", re.compile(rf"{_SIGN}\s?{_NUMBER}|{_NUMBER}\s?{_SIGN}")),
-    ("decimal", re.compile(rf"{_NUMBER}[.,]\d{{1,4}}")),
-    ("date", re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")),
-    ("code", re.compile(r"(?=\S*\d)\S{3,}")),
-    ("short", re.compile(r"\S{1,4}")),
-)
-KINDS = ("integer", "percent", "amount", "decimal", "date", "code", "short", "words")
-NUMERIC = frozenset(("integer", "amount", "decimal", "percent"))
-"""Kinds of texts that are a number."""
 _LETTERS = re.compile(r"[^\W\d_]+|[#%]")
 _LONGEST_TOKEN = 16
 
@@ -93,24 +77,9 @@ def em_of(words: Sequence[ZoneWord]) -> float:
 
 
 def printed_rows(words: Iterable[ZoneWord]) -> list[PrintedRow]:
-    """The rows of words, from the top down.
-
-    From the left each word is put to the row whose last word is most at its height, so that rows may slant.
-    """
-    rows: list[list[ZoneWord]] = []
-    for word in sorted(words, key=lambda each: each.box[0]):
-        y0, y1 = word.box[1], word.box[3]
-        best, most = None, _SAME_ROW
-        for row in rows:
-            a, b = row[-1].box[1], row[-1].box[3]
-            common = (min(y1, b) - max(y0, a)) / max(1e-6, min(y1 - y0, b - a))
-            if common > most:
-                best, most = row, common
-        if best is None:
-            rows.append([word])
-        else:
-            best.append(word)
-    return sorted((PrintedRow(tuple(row)) for row in rows), key=lambda row: row.middle)
+    """The rows of words, from the top down."""
+    rows = (PrintedRow(tuple(row)) for row in rows_of_words(words))
+    return sorted(rows, key=lambda row: row.middle)
 
 
 def segments_of(row: PrintedRow, em: float) -> list[Segment]:
@@ -122,12 +91,6 @@ def segments_of(row: PrintedRow, em: float) -> list[Segment]:
         else:
             runs.append([word])
     return [Segment(tuple(run)) for run in runs]
-
-
-def kind_of(text: str) -> str:
-    """Which of `KINDS` a text looks like."""
-    plain = " ".join(text.split())
-    return next((name for name, pattern in _KINDS if pattern.fullmatch(plain)), "words")
 
 
 def header_words(text: str) -> list[str]:

@@ -11,16 +11,13 @@ from scipy.special import expit, logit
 from services.contract.fields import FieldSetting
 from services.layout.page import Page, ZoneWord
 from services.layout.tables.cell_numbers import number_of
-from services.layout.tables.column_products import (
-    fits_product,
-    product_rule,
-    tests_product,
-)
+from services.layout.tables.column_products import product_rule, row_fits
 from services.layout.tables.finding import find_tables
 from services.layout.tables.found_table import FoundCell, FoundTable
 from services.layout.tables.item_table import ItemTable, TableCell, TableChecks
-from services.layout.tables.print_rows import em_of, kind_of, page_words, printed_rows, segments_of
+from services.layout.tables.print_rows import em_of, page_words, printed_rows, segments_of
 from services.layout.tables.table_model import TableModel
+from services.layout.values.kinds import kind_of
 from services.layout.values.typed_value import find_value, plain_text
 
 _MOST_CERTAIN = 0.995
@@ -57,10 +54,13 @@ def read_tables(pages: Sequence[Page], plans: Sequence[TablePlan | None]) -> lis
 
 def _item_table(table: FoundTable, plan: TablePlan, sum_fits: bool | None) -> ItemTable:
     labels = tuple(label for label in plan.model.labels if label in table.columns)
-    fits = [_product_fits(row, plan.model, table.discounts[k]) for k, row in enumerate(table.rows)]
+    rule, added = product_rule(plan.model), _added_label(plan)
+    fits = [
+        row_fits(rule, {label: cell.text for label, cell in row.items()}, discount)
+        for row, discount in zip(table.rows, table.discounts, strict=True)
+    ]
     unlike = tuple(k for k, each in enumerate(fits) if each is False)
     checks = TableChecks(None if all(each is None for each in fits) else not unlike, unlike, sum_fits)
-    rule, added = product_rule(plan.model), _added_label(plan)
     rows = []
     for row, fit in zip(table.rows, fits, strict=True):
         cells: list[TableCell | None] = []
@@ -90,24 +90,6 @@ def _cell(cell: FoundCell, label: str, plan: TablePlan, checked: float) -> Table
     return TableCell(
         cell.box, text, value.value, value.currency, value.problem, plan.probability * float(expit(odds))
     )
-
-
-def _product_fits(row: Mapping[str, FoundCell], model: TableModel, discount: str) -> bool | None:
-    """Whether the numbers of a row are factors and product, as the samples say; None where they cannot tell.
-
-    That one times a price is the price confirms nothing; that it is another amount is wrong.
-    """
-    rule = product_rule(model)
-    if rule is None:
-        return None
-    of, by, gives = (
-        number_of(row[label].text) if label in row else None for label in (rule.of, rule.by, rule.gives)
-    )
-    if of is None or by is None or gives is None:
-        return None
-    less = number_of(discount) or Decimal(0)
-    fits = fits_product(of * (100 - less) / 100, by, gives)
-    return fits if tests_product(of, by, gives) or not fits else None
 
 
 def _added_label(plan: TablePlan) -> str | None:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 from services.layout.page import Box, ZoneWord
 from services.layout.tables.column_evidence import PrintedColumn
-from services.layout.tables.print_rows import NUMERIC, PrintedRow, Segment, kind_of
+from services.layout.tables.print_rows import PrintedRow, Segment
+from services.layout.values.kinds import NUMERIC, kind_of
 
 NEXT_ROW = 3.2
 """Farthest next row of a table, in em from middle to middle."""

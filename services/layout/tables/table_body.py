@@ -7,9 +7,9 @@ from statistics import median
 import numpy as np
 
 from services.layout.tables.column_evidence import Assignment, kind_evidence
-from services.layout.tables.print_rows import NUMERIC
 from services.layout.tables.row_cells import PageRows, RowCells
 from services.layout.tables.table_model import TableModel
+from services.layout.values.kinds import NUMERIC
 
 MOST_ITEMS = 300
 """Of a table on one page."""

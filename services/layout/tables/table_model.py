@@ -16,8 +16,9 @@ class ColumnModel:
     """A column by its label: what is printed above it, what its cells look like, and where it is.
 
     `samples` is how many pages had it, `cells` how many cells were seen in `rows` rows of these pages. `headers` counts
-    the pages with a word in the column's header, `kinds` the cells of each kind of value (`print_rows.kind_of`). `left`
-    and `right` are sums of its edges as shares of the page's width, `sizes` those of common logarithms of its numbers.
+    the pages with a word in the column's header, `kinds` the cells of each kind of value (`values.kinds.kind_of`).
+    `left` and `right` are sums of its edges as shares of the page's width, `sizes` those of common logarithms of its
+    numbers.
     """
 
     label: str

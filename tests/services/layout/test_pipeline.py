@@ -23,6 +23,7 @@ from services.layout.recognition.page_recognition import VersionedModel
 from services.ocr.engine import Word
 from simulation.labelled_pages import LabelledPage, letter_page, memo_page
 from tests.services.layout.samples import labelled_page, model_of
+from tests.services.layout.segmentation.pages import words_of
 
 
 class TruthfulEngine:
@@ -36,20 +37,7 @@ class TruthfulEngine:
 
     def read_page(self, image: GrayImage) -> list[Word]:
         self.calls += 1
-        words = []
-        for zone in self.page.zones:
-            x0, y0, x1, y1 = zone.box
-            lines = zone.text.splitlines()
-            height = (y1 - y0) / max(1, len(lines))
-            for row, line in enumerate(lines):
-                told = line.split()
-                width = (x1 - x0) / len(told)
-                top = y0 + row * height
-                words += [
-                    Word(word, (x0 + k * width, top, x0 + (k + 0.9) * width, top + 0.8 * height), 0.9)
-                    for k, word in enumerate(told)
-                ]
-        return words
+        return words_of(self.page)
 
     def read_line(self, image: GrayImage) -> tuple[str, float]:
         return "", 0.0

@@ -1,21 +1,27 @@
 """Tables as workers make them: models with the columns of settings, answers, feedback, documents of several pages."""
 
 import json
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, cast
 
 import pytest
 
 from services.contract.answers.tables import ItemTable, TableChecks, tables_of_document
 from services.contract.fields import FieldSetting
 from services.contract.layout import LayoutSettings, ModelDocument
-from services.contract.layout_learning import Correction, VerifiedPage
+from services.contract.layout_learning import Adaptation, Correction, RevisedPage, VerifiedPage
 from services.contract.page_json import PageJson, SampleJson
 from services.layout.model.model_document import model_from_document
+from services.layout.page import Page
+from services.layout.recognition.page_recognition import VersionedModel
+from services.layout.recognition.results import ClassMatch, Recognition
 from services.layout.tables.print_rows import em_of, page_words, printed_rows, segments_of
 from services.operations.corrected_result import correct_result
 from services.operations.layout_again import recognize_again
-from services.operations.layout_learning import adapt_models, train_model
+from services.operations.layout_learning import adapt_models, revise_page, train_model
 from services.operations.layout_models import import_model, initialize_from_samples
+from services.operations.layout_tables import SegmentedPage, recognize_view
 from simulation.invoice_firms import Firm
 from simulation.invoice_pages import ITEMS, InvoicePage
 from tests.services.layout.tables.invoices import AHRENS, ALDER, made, printed
@@ -90,6 +96,22 @@ def test_without_columns_the_same_labels_are_those_of_zones() -> None:
     assert "amount" in draft.labels
 
 
+def test_what_is_doubtful_in_cells_is_said() -> None:
+    samples: list[Any] = [sample(ALDER, seed) for seed in range(2)]
+    codes = [each.code for each in initialize_from_samples("invoice", samples, SETTINGS, ITEMS).warnings]
+    assert codes == []
+    named = [*ITEMS, "total", "discount"]
+    doubled = {**given_cells(made(ALDER, 0)[0])[0], "id": "again"}
+    doubled["box"] = [doubled["box"][2] + 5, doubled["box"][1], doubled["box"][2] + 20, doubled["box"][3]]
+    samples[0]["zones"].append(doubled)
+    warnings = initialize_from_samples("invoice", samples, SETTINGS, named).warnings
+    assert [each.code for each in warnings] == [
+        "column-without-cells", "column-outside-rows", "two-cells-in-line",
+    ]  # fmt: skip
+    for warning, label in zip(warnings, ("'discount'", "'total'", "'description'"), strict=True):
+        assert label in warning.detail
+
+
 def test_a_kept_page_has_its_table_with_typed_values(document: dict[str, Any]) -> None:
     [page] = made(ALDER, 20)
     found = recognize_again(found_page(page), [stored(document)], SETTINGS, words=False)
@@ -121,6 +143,25 @@ def test_cells_that_a_person_labels_teach_the_table_and_stay_in_the_sample(docum
     assert [wrong.zone for wrong in adaptation.wrong] == []
 
 
+@pytest.mark.parametrize(("nearest", "views"), [("invoice", ["gathered"]), ("letter", ["gathered", "plain"])])
+def test_pages_of_a_class_without_a_table_are_matched_as_they_are(
+    document: dict[str, Any], nearest: str, views: list[str]
+) -> None:
+    model = model_from_document(document)
+    models = [VersionedModel(model, 1), VersionedModel(replace(model, name="letter", table=None), 1)]
+    gathered, plain = ([(Page(1.0, 1.0, ()), None)] for _ in range(2))
+    seen: list[str] = []
+
+    def recognize(pages: Sequence[SegmentedPage]) -> Recognition:
+        seen.append("gathered" if pages is gathered else "plain")
+        return Recognition(pages[0][0], (), None, (ClassMatch(nearest, 1, 0.0, 1.0),))
+
+    view, _ = recognize_view(gathered, plain, models, recognize)
+    assert (seen, view is gathered) == (views, nearest == "invoice")
+    assert recognize_view(plain, plain, models, recognize)[0] is plain
+    assert len(seen) == len(views) + 1
+
+
 def test_training_keeps_the_table(document: dict[str, Any]) -> None:
     model = ModelDocument("invoice", 1, json.dumps(document).encode())
     draft, _ = train_model(model, [sample(ALDER, seed) for seed in range(2)], 1, SETTINGS)
@@ -136,6 +177,115 @@ def test_a_person_s_other_class_leaves_no_table(document: dict[str, Any]) -> Non
     for name, tables in (("invoice", 1), ("letter", 0)):
         said = Correction(name, labels, frozenset(), {}, None, 0.01)
         assert len(correct_result(found, found["zones"], said)["tables"]) == tables
+
+
+def corrected(
+    page: InvoicePage, model: ModelDocument, extra: list[dict[str, Any]], found: Any = None
+) -> tuple[dict[str, Any], RevisedPage, Adaptation]:
+    """The result of a page as it is after feedback with more zones, as the app makes it."""
+    kept = found_page(page)
+    found = found or {**recognize_again(kept, [model], SETTINGS, words=False), "width": 1240, "height": 1754}
+    given = [{name: zone[name] for name in ("box", "label", "kind")} for zone in found["zones"]]
+    revised = revise_page(kept, [*given, *extra], SETTINGS)  # type: ignore[list-item]
+    labels = {zone["id"]: zone["label"] for zone in revised.zones}
+    told = VerifiedPage(revised.page, "invoice", labels, "invoice", labels, kept)
+    adaptation = adapt_models(told, [model], SETTINGS, ITEMS)
+    texts = frozenset(each.zone for each in revised.texts)
+    said = Correction("invoice", labels, texts, TYPES, None, 0.01, ITEMS, adaptation.tables)
+    return cast(dict[str, Any], correct_result(found, revised.zones, said)), revised, adaptation
+
+
+def shown_texts(result: dict[str, Any]) -> list[list[str | None]]:
+    return [[cell and cell["text"] for cell in row] for table in result["tables"] for row in table["rows"]]
+
+
+def test_a_corrected_cell_shows_in_the_table(document: dict[str, Any]) -> None:
+    [page] = made(ALDER, 20)
+    row = page.rows[2]
+    cell = {"box": list(row["amount"].box), "label": "amount", "kind": "text", "text": "1,234.50"}  # type: ignore[index]
+    result, revised, _ = corrected(page, stored(document), [cell])
+    expected = [[row[label].text for label in ITEMS] for row in page.rows]
+    assert shown_texts(result) == [*expected[:2], [*expected[2][:3], "1,234.50"], *expected[3:]]
+    [table] = result["tables"]
+    shown = table["rows"][2][3]
+    assert (shown["value"], shown["confidence"]) == ("1234.50", 1.0)
+    assert shown["found"]["text"] == row["amount"].text
+    assert table["checks"] == {"products": None, "unlike_rows": [], "sum": None}
+    assert "amount" not in {field["label"] for field in result["fields"]}
+    assert [(text.found, text.verified) for text in revised.texts] == [(row["amount"].text, "1,234.50")]
+
+
+def test_rows_follow_from_the_cells_of_one(document: dict[str, Any]) -> None:
+    """The table was not found: the words above its columns are another firm's."""
+    [page] = made(AHRENS, 1)
+    model = stored(document)
+    found: Any = recognize_again(found_page(page), [model], SETTINGS, words=False)
+    found = {
+        **found,
+        "width": 1240,
+        "height": 1754,
+        "tables": [],
+        "class": {**found["classes"][0], "probability": 1.0},
+    }
+    result, _, _ = corrected(page, model, given_cells(page, rows=1), found)
+    assert shown_texts(result) == [[row[label].text for label in ITEMS] for row in page.rows]
+
+
+def test_cells_without_any_table_make_one() -> None:
+    """The class has no table yet: its first cells begin one, and are no labels of the graph."""
+    [page] = made(ALDER, 20)
+    plain: Any = [{**sample(ALDER, seed), "zones": sample(ALDER, seed)["zones"][:4]} for seed in range(3)]
+    document = json.loads(json.dumps(initialize_from_samples("invoice", plain, SETTINGS, ITEMS).document))
+    assert document.get("table") is None
+    result, _, adaptation = corrected(page, stored(document), given_cells(page, rows=2))
+    expected = [[row[label].text for label in ITEMS] for row in page.rows]
+    assert shown_texts(result)[:2] == expected[:2]
+    learned = json.loads(json.dumps(adaptation.documents["invoice"]))
+    assert [column["label"] for column in learned["table"]["columns"]] == list(ITEMS)
+    assert {node["label"] for node in learned["nodes"]}.isdisjoint(ITEMS)
+
+
+def test_another_zone_takes_a_row_away(document: dict[str, Any]) -> None:
+    [page] = made(ALDER, 20)
+    boxes = [page.rows[-1][label].box for label in ITEMS]  # type: ignore[index]
+    hull = [
+        min(box[0] for box in boxes),
+        min(box[1] for box in boxes),
+        max(box[2] for box in boxes),
+        max(box[3] for box in boxes),
+    ]
+    for label in ("note", None):
+        result, _, _ = corrected(page, stored(document), [{"box": hull, "label": label, "kind": "text"}])
+        assert len(shown_texts(result)) == len(page.rows) - 1
+
+
+def test_zones_are_known_by_their_places_and_cells_by_their_words(document: dict[str, Any]) -> None:
+    """So zones without ids, and cells whose texts were read right, are no errors."""
+    [page] = made(ALDER, 20)
+    cells = [
+        {"box": list(row[label].box), "label": label, "kind": "text", "text": row[label].text}  # type: ignore[index]
+        for row in page.rows[:2]
+        for label in ITEMS
+    ]
+    result, revised, adaptation = corrected(page, stored(document), cells)
+    assert {zone["id"] for zone in result["zones"]} >= {zone["id"] for zone in found_page(page)["zones"]}
+    assert [text.edits for text in revised.texts] == [0] * len(cells)
+    assert adaptation.wrong == []
+
+
+def test_texts_of_places_without_words_are_not_judged() -> None:
+    """A stored page of zones without words does not say what was read in a part of one."""
+    zone: Any = {
+        "id": "z1",
+        "box": [0, 0, 900, 40],
+        "text": "Glass pane 7 12.00",
+        "kind": "text",
+        "label": None,
+    }
+    kept: PageJson = {"width": 1000, "height": 1000, "zones": [zone]}
+    part: Any = {"box": [700, 0, 900, 40], "label": "amount", "text": "12.00"}
+    whole: Any = {"box": [0, 0, 900, 40], "label": None, "text": "Glass pane 7 12.00"}
+    assert [text.zone for text in revise_page(kept, [whole, part], SETTINGS).texts] == ["z1"]
 
 
 def answer(rows: int, columns: tuple[str, ...] = ("a", "b"), unlike: tuple[int, ...] = ()) -> ItemTable:

@@ -88,6 +88,18 @@ def test_lines_are_cut_at_keys_values_and_wide_spaces() -> None:
     assert cut.fine.lines[1].box[0] == boxes[1, 0], "the working copy has the page's scale here"
 
 
+def test_what_is_left_of_a_line_is_one_line() -> None:
+    fine = fine_page(("ACME TRADING LTD", "Tel: 5550  Fax: 5551"), ("Total: 42.20  paid", "Change: 7.80"))
+    taken = take_out_parts(fine, model_of_slips(), content_features())
+    texts = [zone.text for zone in compose_page(taken).zones]
+    assert "42.20" in texts, "the total is taken out"
+    assert "ACME TRADING LTD\nTel: 5550 Fax: 5551" in texts, "a line of which nothing is taken is as it was"
+    assert all(len(box) == 4 and box[0] < box[2] for box in taken.boxes)
+    assert sorted(word.text for own in taken.words for word in own) == sorted(
+        word.text for own in fine.words for word in own
+    )
+
+
 def test_a_drawn_part_of_a_zone_is_a_part_and_the_rest_is_left() -> None:
     verified, found = sample(1)
     assert zones_within(verified, found) == {1: [1]}

@@ -73,7 +73,7 @@ def test_a_zone_of_two_components_is_taken_apart(labels: tuple[str, str]) -> Non
 
 def test_pieces_with_different_labels_become_one_zone() -> None:
     """A signature's strokes and the name below them: alone the strokes have another label."""
-    true, fine = seen_letter(1)
+    true, fine = seen_letter(2)
     own = lines_of(fine, true, "signature")
     rest = tuple(block for block in fine.blocks if not set(block) & set(own))
     apart = replace(fine, blocks=(own[:1], own[1:], *rest))

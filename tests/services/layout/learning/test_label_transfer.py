@@ -36,6 +36,14 @@ def test_of_two_that_cover_alike_the_smaller_gives_the_label() -> None:
         assert transfer_labels(Page(100.0, 100.0, zones), found).zones[0].label == "inner"
 
 
+def test_print_within_a_border_has_the_label_of_its_own_zone() -> None:
+    border = Zone("0", (0.0, 0.0, 100.0, 100.0), kind="noise")
+    drawn = Zone("1", (12.0, 10.0, 40.0, 20.0), label="total")
+    found = Page(100.0, 100.0, (Zone("f", (10.0, 10.0, 40.0, 20.0)), border))
+    labels = [zone.label for zone in transfer_labels(Page(100.0, 100.0, (border, drawn)), found).zones]
+    assert labels == ["total", None], "the border covers all of it, and the drawn zone nine tenths"
+
+
 def stacked(*labels: str | None, height: float = 20.0) -> tuple[Zone, ...]:
     return tuple(
         Zone(f"t{n}", (10.0, 30.0 * n, 60.0, 30.0 * n + height), label=label, lines=1)

@@ -125,3 +125,17 @@ def test_of_any_words_each_is_in_one_cell_at_most(words: list[ZoneWord]) -> None
 
 
 MODEL = taught(ALDER)
+
+
+def test_one_item_without_a_header_is_found_by_its_product() -> None:
+    """And not where its numbers say nothing: a text, a small number and two like amounts are no proof."""
+    model = taught(ALDER, samples=3)
+    found = {}
+    for seed in (50, 51, 52, 53):
+        [page] = made(ALDER, seed, 1)
+        top = min(cell.box[1] for cell in page.rows[0].values())
+        rest = tuple(word for word in words_of(page) if word.box[3] > top or word.box[3] < top - 100)
+        is_one = page.rows[0]["quantity"].text == "1"
+        found[is_one] = texts(find_tables(Page(page.width, page.height, (), rest), model))
+        assert found[is_one] == ([] if is_one else true_texts(page))
+    assert found.keys() == {True, False}

@@ -1,0 +1,61 @@
+"""What is doubtful in the labelled cells of samples: said when the table of a class is learned."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+from services.layout.page import Box
+from services.layout.tables.learning import TablePage, common_height, labelled_rows
+from services.notices import Notice
+
+_ONE_LINE = 0.5
+"""Common height from which on two cells are in one line, as a share of the lower one."""
+
+
+def doubts_of_samples(pages: Sequence[TablePage], items: Sequence[str]) -> list[Notice]:
+    """Columns that no sample has, labels of columns that are used elsewhere, and two cells of a column in a line."""
+    having, alone = Counter[str](), Counter[str]()
+    for page in pages:
+        having.update({label for label, _ in page.cells})
+        if len(items) > 1:
+            alone.update({label for row in labelled_rows(page) if len(row) == 1 for label in row})
+    found = [
+        Notice(
+            "column-without-cells",
+            f"items: no sample has a cell of {label!r}, so that no table has this column. Label cells of it, or leave "
+            "it out.",
+        )
+        for label in items
+        if not having[label]
+    ]
+    found += [
+        Notice(
+            "column-outside-rows",
+            f"items: {alone[label]} of {having[label]} samples have {label!r} where no other cell is in its row. A "
+            "label of a column is none of other zones: give these another one.",
+        )
+        for label in items
+        if 2 * alone[label] > having[label]
+    ]
+    return [*found, *doubts_of_rows(pages)]
+
+
+def doubts_of_rows(pages: Iterable[TablePage]) -> list[Notice]:
+    """Two cells of one column in one line of a page."""
+    doubled = Counter(label for page in pages for label in _doubled(page.cells))
+    return [
+        Notice(
+            "two-cells-in-line",
+            f"{count} of the pages have two cells of the column {label!r} in one line, which are learned as two rows. "
+            "Draw one box around both, or give one of them another label.",
+        )
+        for label, count in doubled.items()
+    ]
+
+
+def _doubled(cells: Sequence[tuple[str, Box]]) -> set[str]:
+    """The labels of two cells of a page in one line."""
+    ordered = sorted(cells, key=lambda cell: (cell[0], cell[1][1] + cell[1][3]))
+    return {
+        a for (a, box), (b, other) in pairwise(ordered) if a == b and common_height(box, other) > _ONE_LINE
+    }
