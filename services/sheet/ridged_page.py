@@ -177,6 +177,12 @@ def sides_bend(outline: SheetOutline) -> float:
     return max(side.straightness_px for side in outline.sides) / size
 
 
+def mean_bend(outline: SheetOutline) -> float:
+    """The RMS distance of all sides from straight lines, as a share of the sheet's size."""
+    size = float(np.sqrt(np.prod(np.ptp(outline.polygon, axis=0))))
+    return float(np.sqrt(np.mean([side.straightness_px**2 for side in outline.sides]))) / size
+
+
 def print_skew(mesh: SheetMesh, major: FlowSamples) -> float:
     """Least skew (rad) of three quarters of the text lines against the sheet's top and bottom sides.
 

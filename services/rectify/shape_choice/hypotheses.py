@@ -1,6 +1,6 @@
 """The shapes that a page may have, each fitted when it is first asked for, and the questions that all are asked."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -17,8 +17,8 @@ from services.sheet.outline.results import CERTAIN_CONFIDENCE, SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import ASLANT_RAD, EDGES_BELIEVED, choose_pose
-from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, sides_bend
-from services.sheet.shape import NoShape
+from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, mean_bend, sides_bend
+from services.sheet.shape import NoShape, PageShape
 from services.sheet.sheet_edges import measure_sides, read_edges
 from services.sheet.tracing.line_tracing import measure_straightness
 from services.sheet.tracing.page_lines import trace_lines, with_rules
@@ -41,6 +41,7 @@ class Hypotheses:
     sheet: SheetSides | None
     refusal: str = ""
     """Why there is no smooth sheet."""
+    _profiles: dict[PageShape, LineObservations] = field(default_factory=dict)
 
     @cached_property
     def direction_rad(self) -> float:
@@ -58,6 +59,11 @@ class Hypotheses:
     def bent_sides(self) -> bool:
         """Whether a side of the sheet is seen to bend."""
         return self.outline is not None and sides_bend(self.outline) > STRAIGHT_SIDE
+
+    @property
+    def bend_of_sides(self) -> float:
+        """RMS distance of the sheet's sides from straight lines in the photo, as a share of its size; 0 without any."""
+        return 0.0 if self.outline is None else mean_bend(self.outline)
 
     @property
     def certain_outline(self) -> bool:
@@ -150,6 +156,12 @@ class Hypotheses:
     def trace_by_profiles(self, page_map: PageMap) -> LineObservations:
         """The same by profiles of darkness, as the creased sheet's are: these find lines across creases."""
         return trace_by_profiles(self.evidence.text, self.evidence.view, page_map)
+
+    def profiles_in(self, shape: PageShape) -> LineObservations:
+        """These lines in the view of a fitted `shape`, traced once."""
+        if shape not in self._profiles:
+            self._profiles[shape] = self.trace_by_profiles(shape.page_map)
+        return self._profiles[shape]
 
     def sides_of(self, page_map: PageMap) -> float:
         """How far the sheet's sides are from straight ones at right angles; NaN where none is seen."""

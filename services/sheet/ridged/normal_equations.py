@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from services.arrays import Floats, Vector
 
@@ -52,19 +52,21 @@ def normal_equations(
     jacobian: csr_array, residuals: Vector, order: NDArray[np.intp], border: int
 ) -> NormalEquations:
     """Normal equations of weighted `residuals` (M,) with `jacobian` (M, n + k); the last `border` of `order` are k."""
-    place = np.empty(len(order), np.intp)
-    place[order] = np.arange(len(order))
+    place = np.empty(len(order), np.int32)
+    place[order] = np.arange(len(order), dtype=np.int32)
     n = len(order) - border
-    square = coo_array(jacobian.T @ jacobian)
-    row, column = place[square.row], place[square.col]
-    inside = (row < n) & (column < n) & (row >= column)
+    ordered = csr_array((jacobian.data, place[jacobian.indices], jacobian.indptr), shape=jacobian.shape)
+    square = ordered.T @ ordered  # symmetric: rows or columns may come first
+    row = np.repeat(np.arange(len(order), dtype=np.int32), np.diff(square.indptr))
+    lower = np.flatnonzero(row >= square.indices)
+    row, column, values = row[lower], square.indices[lower], square.data[lower]
+    inside, last = row < n, column >= n
     below = row[inside] - column[inside]
     band = np.zeros((int(below.max(initial=0)) + 1, n))
-    band[below, column[inside]] = square.data[inside]
-    edge = (row < n) & (column >= n)
+    band[below, column[inside]] = values[inside]
+    edge = ~(inside | last)
     side = np.zeros((n, border))
-    side[row[edge], column[edge] - n] = square.data[edge]
-    last = (row >= n) & (column >= n)
+    side[column[edge], row[edge] - n] = values[edge]
     corner = np.zeros((border, border))
-    corner[row[last] - n, column[last] - n] = square.data[last]
-    return NormalEquations(band, side, corner, (jacobian.T @ residuals)[order], order)
+    corner[row[last] - n, column[last] - n] = corner[column[last] - n, row[last] - n] = values[last]
+    return NormalEquations(band, side, corner, ordered.T @ residuals, order)

@@ -74,10 +74,11 @@ def _is_level(found: CharacterRows, members: NDArray[np.intp]) -> bool:
 
 def _on_line(x: Vector, y: Vector) -> bool:
     """Whether most points (x, y), both (n,), lie on a level line."""
-    terms = np.column_stack([np.ones(len(x)), x])
     rest, slope = y, 0.0
     for _ in range(EDGE_ROUNDS):
-        weights = np.sqrt(geman_mcclure_weights(rest, NEAR))
-        level, slope = np.linalg.lstsq(terms * weights[:, None], y * weights, rcond=None)[0]
-        rest = y - level - slope * x
+        weights = geman_mcclure_weights(rest, NEAR)
+        weights = weights / weights.sum()
+        along = x - weights @ x
+        slope = float((weights * along) @ y / ((weights * along) @ along))
+        rest = y - weights @ y - slope * along
     return abs(slope) < LEVEL_RAD and float((np.abs(rest) < NEAR).mean()) > ON_LINE

@@ -12,7 +12,8 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.page_analysis import analyse_photo
-from services.rectify.shape_choice.choice import rank_shapes
+from services.rectify.shape_choice import hypotheses
+from services.rectify.shape_choice.choice import VISIBLE_BEND, rank_shapes
 from services.rectify.shape_choice.hypotheses import STRAIGHT_SIDE, Hypotheses
 from services.sheet.curved_page import CurvedPage, estimate_curved_page
 from services.sheet.evidence import PageEvidence
@@ -23,6 +24,7 @@ from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.ridged_page import RidgedPage, sides_bend
 from services.sheet.shape import NoShape, PageShape
 from services.sheet.sheet_edges import measure_sides, read_edges
+from services.sheet.tracing.line_tracing import measure_bend
 from simulation.creased import Crossed
 from simulation.folded import folded_in_thirds
 from simulation.pages import own_pages
@@ -40,6 +42,7 @@ SHAPES: dict[str, Shape] = {
     "folded": folded_in_thirds(SHEET_ASPECT, 24, -18),
     "crossed": Relaxed(Crossed(SHEET_ASPECT, 25, 15, alike=True, centre=(0.03, -0.02)), FOLDED_PAPER),
     "smooth": BOOK,
+    "gentle": folded_in_thirds(SHEET_ASPECT, 12, 8, radius=0.1),
 }
 SIZE = (840, 1080)
 VIEW = PhotoFrame(*SIZE)
@@ -127,6 +130,19 @@ def test_a_sheet_folded_along_parallel_lines_is_flattened_by_either_bent_shape()
     assert chosen("folded").kind == "curved"
     assert np.median(off) < 0.003
     assert np.median(off) < 0.4 * np.median(flat)
+
+
+def test_a_smooth_sheet_needs_no_fit_of_the_other_shapes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def needless(*_: object) -> None:
+        raise AssertionError("nothing speaks for this shape")
+
+    monkeypatch.setattr(hypotheses, "choose_pose", needless)
+    monkeypatch.setattr(hypotheses, "estimate_ridged_page", needless)
+    evidence, outline, _ = seen("gentle")
+    sheet = read_sides(outline, VIEW, prior_of("gentle"))
+    shape = next(rank_shapes(evidence, prior_of("gentle"), "auto", outline, sheet))
+    assert isinstance(shape, CurvedPage)
+    assert measure_bend(shape.lines) < VISIBLE_BEND  # the sides decide
 
 
 def test_sides_and_lines_flatten_a_smooth_sheet_up_to_its_border() -> None:

@@ -31,6 +31,15 @@ def test_photo_points_are_located_where_they_are_placed(name: str) -> None:
     assert np.allclose(mesh.locate(seen, grid + 0.4), grid, atol=1e-6)
 
 
+def test_points_that_are_not_seen_leave_the_others_where_they_are() -> None:
+    mesh = MESHES["folded"]
+    grid = grid_points(mesh)
+    seen = mesh.project(mesh.place(grid).X)
+    located = mesh.locate(np.concatenate([seen, [[9.0, 9.0], [-7.0, 0.0]]]))
+    assert np.allclose(located[:-2], grid, atol=1e-6)
+    assert np.isnan(located[-2:]).all()
+
+
 @pytest.mark.parametrize("name", MESHES)
 def test_page_and_photo_are_inverse_also_a_little_beyond_the_border(name: str) -> None:
     mesh = MESHES[name]
