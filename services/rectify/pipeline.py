@@ -10,7 +10,7 @@ from services.arrays import Points, RgbImage
 from services.contract.rectify import Crop, PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_frame import turn_frame
+from services.geometry.page_frame import Frame, turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.heap import release_freed_memory
 from services.imaging.normalization import normalize_illumination
@@ -20,6 +20,7 @@ from services.ocr.engine import OcrEngine
 from services.rectify.analysis.desk_texture import is_texture_beside
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import FoundText, find_text
+from services.rectify.analysis.outline_search import OutlineSearch
 from services.rectify.analysis.page_analysis import PageAnalysis, analyse_briefly, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.effort import BRIEF, WHOLE, Effort
@@ -40,7 +41,7 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import refusal_of_text
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.drawing import draw_flat_view, places_in_view
+from services.rectify.view.drawing import FlatDrawing, draw_flat_view, places_in_view
 from services.rectify.view.held_corners import end_at_corners, with_margin
 from services.rectify.view.judged_view import JudgedView, best_view, frame_view, judge_view
 from services.rectify.view.orientation import orient_page
@@ -49,11 +50,11 @@ from services.rectify.view.paper_fit import fit_to_paper
 from services.rectify.view.print_kept import sheet_print
 from services.rectify.view.print_sample import sample_print
 from services.rectify.view.view_plan import ViewPlan, plan_view
-from services.sheet.outline.detection import find_outline
 from services.sheet.outline.given_corners import outline_between
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.shape import PageShape
+from services.side_by_side import SideStep
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
@@ -142,26 +143,29 @@ def flatten_page(
     """Flat view of a `page` whose shape is known: choose the frame, judge it, turn it upright, draw it."""
     with clock.stage("framing"):
         view = best_view(photo, page, parameters)
-    page, frame = view.page, view.frame
+    page = view.page
     notices, analysis = [*page.notices, *view.notices], page.analysis
     orientation = Orientation(parameters.page_turn or 0, False, None)
-    if parameters.upright and parameters.page_turn is None and page.corners is None:
-        with clock.stage("orientation"):
-            orientation, notice = orient_page(photo, analysis, frame, ocr)
-        notices += [notice] if notice else []
-    frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
-    stretch = None
-    if parameters.crop == "sheet":
-        frame, stretch = fit_to_paper(frame, page, parameters.paper)
-        if stretch is not None and page.corners is not None:
-            turned = np.roll(page.corners, orientation.rotation_deg // 90, axis=0)
-            frame = end_at_corners(frame, turned, (frame.width, frame.height))
-    paper = view.paper
-    if parameters.margin > 0:  # what lies around the cut is wanted
-        frame, paper = with_margin(frame, parameters.margin), None
-    release_freed_memory()
-    with clock.stage("remap"):
-        flat = draw_flat_view(photo, frame, paper)
+    frame, stretch = _turn_view(view, parameters, orientation)
+    # What lies around the cut is wanted where there is a margin.
+    paper = view.paper if parameters.margin <= 0 else None
+    drawing = FlatDrawing(photo, frame, paper)
+    with SideStep(drawing.draw) as begun:  # most views are upright as they are
+        if parameters.upright and parameters.page_turn is None and page.corners is None:
+            with clock.stage("orientation"):
+                orientation, notice = orient_page(photo, analysis, view.frame, ocr)
+            notices += [notice] if notice else []
+        with clock.stage("remap"):
+            release_freed_memory()
+            if orientation.rotation_deg == (parameters.page_turn or 0) and not orientation.mirrored:
+                drawing.draw()
+                begun.result()
+                flat = drawing.finish()
+            else:
+                drawing.stop()
+                begun.end()
+                frame, stretch = _turn_view(view, parameters, orientation)
+                flat = draw_flat_view(photo, frame, paper)
     if parameters.illumination != "keep":  # looks of a scanner are made of it
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
@@ -173,6 +177,20 @@ def flatten_page(
         with clock.stage("plan"):
             plan = plan_views(photo, view, parameters)
     return replace(described, stretch=stretch, plan=plan)
+
+
+def _turn_view(
+    view: JudgedView, parameters: RectifyParameters, orientation: Orientation
+) -> tuple[Frame, float | None]:
+    """The frame of `view` turned upright, stretched to the wanted paper, with its margin; and the stretch, if any."""
+    page, stretch = view.page, None
+    frame = turn_frame(view.frame, orientation.rotation_deg, orientation.mirrored)
+    if parameters.crop == "sheet":
+        frame, stretch = fit_to_paper(frame, page, parameters.paper)
+        if stretch is not None and page.corners is not None:
+            turned = np.roll(page.corners, orientation.rotation_deg // 90, axis=0)
+            frame = end_at_corners(frame, turned, (frame.width, frame.height))
+    return (with_margin(frame, parameters.margin) if parameters.margin > 0 else frame), stretch
 
 
 def plan_views(photo: RgbImage, answered: JudgedView, parameters: RectifyParameters) -> ViewPlan:
@@ -224,6 +242,8 @@ def find_page(
         if needs_text:
             raise
         return search.page_without_text(refusal)
+    finally:
+        search.outlines.end()
 
 
 @dataclass(slots=True, eq=False)
@@ -238,18 +258,18 @@ class _Search:
     effort: Effort
     clock: StageClock
     halves: Halves = field(init=False)
+    outlines: OutlineSearch = field(init=False)
     outline: SheetOutline | None = None
     sought: bool = False
 
     def __post_init__(self) -> None:
         self.halves = Halves(self.photo)
+        self.outlines = OutlineSearch(self.halves, self.effort.outline)
 
     def seek_outline(self, seen: FoundText | PageAnalysis | None) -> None:
         """Look for the outline of the sheet on which the text is that was `seen`."""
         with self.clock.stage("outline"):
-            places = None if seen is None else seen.characters
-            height_px = None if seen is None else seen.text_height_px
-            self.outline = find_outline(self.halves, places, height_px, self.effort.outline)
+            self.outline = self.outlines.find(seen)
             self.sought = True
 
     def page_by_text(self) -> ShapedPage:
@@ -268,7 +288,8 @@ class _Search:
                 self.halves, text, self.effort.analysis, self.clock, in_region=in_region
             )
         else:
-            analysis = analyse_photo(self.halves, region, clock=self.clock)
+            begin = self.outlines.begin if region is None else None
+            analysis = analyse_photo(self.halves, region, clock=self.clock, on_text=begin)
             release_freed_memory()
             if region is None and not analysis.facing_page:
                 self.seek_outline(analysis)

@@ -1,0 +1,131 @@
+"""Steps of one work in two threads, where a processor has nothing else to do.
+
+A worker has one thread, since there is a worker for each processor. Where others are idle, the engine says so with a
+call, and steps that do not need each other run side by side: OpenCV, NumPy's larger loops and the codecs do not hold
+Python's lock. Results are the same to the byte; elsewhere such a step runs when its result is asked for.
+
+Spare processors belong to the context that set them, so what runs in a second thread starts no third one, reports no
+progress and knows no deadline.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from types import TracebackType
+from typing import Generic, Self, TypeVar
+
+T = TypeVar("T")
+
+SWITCH_S = 0.0005
+"""After so long a thread that computes in Python lets the other one go on; by itself it keeps it waiting for 5 ms, and
+an image is a hundred short steps of OpenCV."""
+
+
+class _Spare:
+    """Processors that have nothing to do."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+
+_SPARE: ContextVar[_Spare | None] = ContextVar("spare_processors", default=None)
+_joined = threading.local()
+
+
+@contextmanager
+def spare_processors(count: int) -> Iterator[None]:
+    """Let the block use so many processors besides its own; 0: none."""
+    if count < 1:
+        yield
+        return
+    token, usual_s = _SPARE.set(_Spare(count)), sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(usual_s)
+        _SPARE.reset(token)
+
+
+def cpu_seconds() -> float:
+    """CPU time of this thread, with that of the threads it has waited for."""
+    return time.thread_time() + float(getattr(_joined, "seconds", 0.0))
+
+
+class SideStep(Generic[T]):
+    """A step that runs beside its caller's, if a processor is spare, else when `result` is asked for.
+
+    Leaving a `with` block ends it without a result: the caller goes on when its thread has ended.
+    """
+
+    def __init__(self, step: Callable[[], T]) -> None:
+        self._step: Callable[[], T] | None = step
+        self._value: T | None = None
+        self._error: BaseException | None = None
+        self._cpu_s = 0.0
+        self._spare = _SPARE.get()
+        self._thread: threading.Thread | None = None
+        if self._spare is not None and self._spare.count > 0:
+            thread = threading.Thread(target=self._run_beside, name="side-step", daemon=True)
+            try:
+                thread.start()
+            except RuntimeError:  # no memory for another stack: it runs later, in this thread
+                return
+            self._spare.count -= 1
+            self._thread = thread
+
+    @property
+    def is_beside(self) -> bool:
+        """Whether it runs, or ran, in a thread of its own."""
+        return self._thread is not None
+
+    def result(self) -> T:
+        """What the step returns, or raises."""
+        if self._thread is None:
+            self._run()
+        else:
+            self._join()
+        if self._error is not None:
+            raise self._error
+        return self._value  # type: ignore[return-value]
+
+    def end(self) -> None:
+        """Wait for the thread, if there is one, and forget the step."""
+        self._join()
+        self._step = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.end()
+
+    def _run(self) -> None:
+        step, self._step = self._step, None
+        if step is None:
+            return
+        try:
+            self._value = step()
+        except BaseException as error:
+            self._error = error
+
+    def _run_beside(self) -> None:
+        self._run()
+        self._cpu_s = time.thread_time()
+
+    def _join(self) -> None:
+        if self._thread is None or self._spare is None:
+            return
+        self._thread.join()
+        _joined.seconds = getattr(_joined, "seconds", 0.0) + self._cpu_s
+        self._cpu_s = 0.0
+        self._spare.count += 1
+        self._spare = None
