@@ -28,7 +28,15 @@ class _Spare:
     """Processors that have nothing to do."""
 
     def __init__(self, count: int) -> None:
-        self.count = count
+        self._free = threading.Semaphore(count)
+
+    def take(self) -> bool:
+        """Take one, if one is left."""
+        return self._free.acquire(blocking=False)
+
+    def give_back(self) -> None:
+        """Give one back."""
+        self._free.release()
 
 
 _SPARE: ContextVar[_Spare | None] = ContextVar("spare_processors", default=None)
@@ -66,15 +74,16 @@ class SideStep(Generic[T]):
         self._value: T | None = None
         self._error: BaseException | None = None
         self._cpu_s = 0.0
-        self._spare = _SPARE.get()
         self._thread: threading.Thread | None = None
-        if self._spare is not None and self._spare.count > 0:
-            thread = threading.Thread(target=self._run_beside, name="side-step", daemon=True)
-            try:
-                thread.start()
-            except RuntimeError:  # no memory for another stack: it runs later, in this thread
-                return
-            self._spare.count -= 1
+        spare = _SPARE.get()
+        if spare is None or not spare.take():
+            return
+        thread = threading.Thread(target=self._run_beside, args=(spare,), name="side-step", daemon=True)
+        try:
+            thread.start()
+        except RuntimeError:  # no memory for another stack: it runs later, in this thread
+            spare.give_back()
+        else:
             self._thread = thread
 
     @property
@@ -117,15 +126,13 @@ class SideStep(Generic[T]):
         except BaseException as error:
             self._error = error
 
-    def _run_beside(self) -> None:
+    def _run_beside(self, spare: _Spare) -> None:
         self._run()
         self._cpu_s = time.thread_time()
+        spare.give_back()
 
     def _join(self) -> None:
-        if self._thread is None or self._spare is None:
-            return
-        self._thread.join()
-        _joined.seconds = getattr(_joined, "seconds", 0.0) + self._cpu_s
-        self._cpu_s = 0.0
-        self._spare.count += 1
-        self._spare = None
+        if self._thread is not None:
+            self._thread.join()
+            _joined.seconds = getattr(_joined, "seconds", 0.0) + self._cpu_s
+            self._cpu_s = 0.0
