@@ -1,8 +1,8 @@
 """Steps of one work in two threads, where a processor has nothing else to do.
 
-A worker has one thread, since there is a worker for each processor. Where others are idle, the engine says so with a
-call, and steps that do not need each other run side by side: OpenCV, NumPy's larger loops and the codecs do not hold
-Python's lock. Results are the same to the byte; elsewhere such a step runs when its result is asked for.
+A worker has one thread, since there is a worker for each processor. While others are idle, steps that do not need each
+other run side by side: OpenCV, NumPy's larger loops and the codecs do not hold Python's lock. Where none is idle, such
+a step runs when its result is asked for. Results are the same to the byte.
 
 Spare processors belong to the context that set them, so what runs in a second thread starts no third one, reports no
 progress and knows no deadline.
@@ -25,18 +25,24 @@ an image is a hundred short steps of OpenCV."""
 
 
 class _Spare:
-    """Processors that have nothing to do."""
+    """Processors that have nothing to do, and those of them that steps of this work use."""
 
-    def __init__(self, count: int) -> None:
-        self._free = threading.Semaphore(count)
+    def __init__(self, count: Callable[[], int]) -> None:
+        self._count = count
+        self._taken = 0
+        self._lock = threading.Lock()
 
     def take(self) -> bool:
-        """Take one, if one is left."""
-        return self._free.acquire(blocking=False)
+        """Take one, if one is left now."""
+        with self._lock:
+            is_left = self._taken < self._count()
+            self._taken += is_left
+            return is_left
 
     def give_back(self) -> None:
         """Give one back."""
-        self._free.release()
+        with self._lock:
+            self._taken -= 1
 
 
 _SPARE: ContextVar[_Spare | None] = ContextVar("spare_processors", default=None)
@@ -44,11 +50,8 @@ _joined = threading.local()
 
 
 @contextmanager
-def spare_processors(count: int) -> Iterator[None]:
-    """Let the block use so many processors besides its own; 0: none."""
-    if count < 1:
-        yield
-        return
+def spare_processors(count: Callable[[], int]) -> Iterator[None]:
+    """Let the block use as many processors besides its own as `count` says each time a step could begin."""
     token, usual_s = _SPARE.set(_Spare(count)), sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_S)
     try:
