@@ -1,6 +1,6 @@
 """The steps of `rectify`, in their order."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import get_args
 
@@ -10,7 +10,6 @@ from services.arrays import Points, RgbImage
 from services.contract.rectify import Crop, PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_frame import Frame, turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.heap import release_freed_memory
 from services.imaging.normalization import normalize_illumination
@@ -41,20 +40,20 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import refusal_of_text
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.drawing import FlatDrawing, draw_flat_view, places_in_view
-from services.rectify.view.held_corners import end_at_corners, with_margin
+from services.rectify.view.drawing import places_in_view
+from services.rectify.view.held_corners import end_at_corners
 from services.rectify.view.judged_view import JudgedView, best_view, frame_view, judge_view
 from services.rectify.view.orientation import orient_page
 from services.rectify.view.paper_end import is_believed
 from services.rectify.view.paper_fit import fit_to_paper
 from services.rectify.view.print_kept import sheet_print
 from services.rectify.view.print_sample import sample_print
+from services.rectify.view.view_drawing import ViewDrawing
 from services.rectify.view.view_plan import ViewPlan, plan_view
 from services.sheet.outline.given_corners import outline_between
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.outline_plane import read_sides
+from services.sheet.plane.outline_plane import SheetSides, read_sides
 from services.sheet.shape import PageShape
-from services.side_by_side import SideStep
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
@@ -141,31 +140,18 @@ def flatten_page(
     clock: StageClock,
 ) -> RectifyResult:
     """Flat view of a `page` whose shape is known: choose the frame, judge it, turn it upright, draw it."""
-    with clock.stage("framing"):
-        view = best_view(photo, page, parameters)
-    page = view.page
-    notices, analysis = [*page.notices, *view.notices], page.analysis
-    orientation = Orientation(parameters.page_turn or 0, False, None)
-    frame, stretch = _turn_view(view, parameters, orientation)
-    # What lies around the cut is wanted where there is a margin.
-    paper = view.paper if parameters.margin <= 0 else None
-    drawing = FlatDrawing(photo, frame, paper)
-    with SideStep(drawing.draw) as begun:  # most views are upright as they are
+    with ViewDrawing(photo, parameters) as drawing:
+        with clock.stage("framing"):
+            view = best_view(photo, page, parameters, drawing.begin)
+        page, analysis = view.page, view.page.analysis
+        notices, orientation = [*page.notices, *view.notices], drawing.expected
         if parameters.upright and parameters.page_turn is None and page.corners is None:
             with clock.stage("orientation"):
                 orientation, notice = orient_page(photo, analysis, view.frame, ocr)
             notices += [notice] if notice else []
+        release_freed_memory()
         with clock.stage("remap"):
-            release_freed_memory()
-            if orientation.rotation_deg == (parameters.page_turn or 0) and not orientation.mirrored:
-                drawing.draw()
-                begun.result()
-                flat = drawing.finish()
-            else:
-                drawing.stop()
-                begun.end()
-                frame, stretch = _turn_view(view, parameters, orientation)
-                flat = draw_flat_view(photo, frame, paper)
+            flat, frame, stretch = drawing.finish(view, orientation)
     if parameters.illumination != "keep":  # looks of a scanner are made of it
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
@@ -177,20 +163,6 @@ def flatten_page(
         with clock.stage("plan"):
             plan = plan_views(photo, view, parameters)
     return replace(described, stretch=stretch, plan=plan)
-
-
-def _turn_view(
-    view: JudgedView, parameters: RectifyParameters, orientation: Orientation
-) -> tuple[Frame, float | None]:
-    """The frame of `view` turned upright, stretched to the wanted paper, with its margin; and the stretch, if any."""
-    page, stretch = view.page, None
-    frame = turn_frame(view.frame, orientation.rotation_deg, orientation.mirrored)
-    if parameters.crop == "sheet":
-        frame, stretch = fit_to_paper(frame, page, parameters.paper)
-        if stretch is not None and page.corners is not None:
-            turned = np.roll(page.corners, orientation.rotation_deg // 90, axis=0)
-            frame = end_at_corners(frame, turned, (frame.width, frame.height))
-    return (with_margin(frame, parameters.margin) if parameters.margin > 0 else frame), stretch
 
 
 def plan_views(photo: RgbImage, answered: JudgedView, parameters: RectifyParameters) -> ViewPlan:
@@ -264,7 +236,7 @@ class _Search:
 
     def __post_init__(self) -> None:
         self.halves = Halves(self.photo)
-        self.outlines = OutlineSearch(self.halves, self.effort.outline)
+        self.outlines = OutlineSearch(self.halves, self.view, self.prior, self.effort.outline)
 
     def seek_outline(self, seen: FoundText | PageAnalysis | None) -> None:
         """Look for the outline of the sheet on which the text is that was `seen`."""
@@ -305,7 +277,8 @@ class _Search:
                 )
             if flat is not None:
                 return flat
-        page = shape_page(analysis, self.view, self.prior, kind, self.clock, outline, self.effort)
+        read = self.outlines.read
+        page = shape_page(analysis, self.view, self.prior, kind, self.clock, outline, self.effort, read)
         return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
 
     def page_without_text(self, refusal: NoText) -> ShapedPage:
@@ -367,8 +340,11 @@ def shape_page(
     clock: StageClock,
     outline: SheetOutline | None = None,
     effort: Effort = WHOLE,
+    read: Callable[[SheetOutline | None], SheetSides | None] | None = None,
 ) -> ShapedPage:
     """The shape of a page whose text and flows are known; `prior` is that of the focal length.
+
+    `read` reads the sides of an outline in `view`, which may be known.
 
     Raises
     ------
@@ -384,8 +360,8 @@ def shape_page(
             cut = find_cut_borders(
                 analysis.characters, analysis.text_height_px, view.width, view.height, outline.polygon
             )
-            outline = leave_out_borders(outline, cut, view.width, view.height)
-        sheet = read_sides(outline, view, prior)
+            outline = leave_out_borders(outline, cut, view.width, view.height) if cut else outline
+        sheet = read_sides(outline, view, prior) if read is None else read(outline)
         view = view if sheet is None else sheet.view
         evidence = analysis.evidence(view)
         ranked = rank_shapes(evidence, prior, kind, outline, sheet)
