@@ -23,7 +23,7 @@ from app.engine.busy_workers import BusyWorkers
 from services.contract.worker_facts import WorkerFacts
 from services.deadline import answered_within
 from services.errors import DocumentError
-from services.heap import release_freed_memory
+from services.heap import keep_few_heaps, release_freed_memory
 from services.progress import progress_to
 from services.side_by_side import spare_processors
 
@@ -91,6 +91,7 @@ def _settle(memory_bytes: int) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.environ.update(SINGLE_THREAD_ENVIRONMENT)
     faulthandler.enable()
+    keep_few_heaps(1)  # a second thread would keep 40 MB of a heap of its own
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if memory_bytes:
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
