@@ -76,7 +76,9 @@ class SideStep(Generic[T]):
         self._step: Callable[[], T] | None = step
         self._value: T | None = None
         self._error: BaseException | None = None
-        self._cpu_s = 0.0
+        self.cpu_s = 0.0
+        """CPU time of its thread, once that has ended."""
+        self._is_counted = False
         self._thread: threading.Thread | None = None
         spare = _SPARE.get()
         if spare is None or not spare.take():
@@ -131,11 +133,12 @@ class SideStep(Generic[T]):
 
     def _run_beside(self, spare: _Spare) -> None:
         self._run()
-        self._cpu_s = time.thread_time()
+        self.cpu_s = time.thread_time()
         spare.give_back()
 
     def _join(self) -> None:
         if self._thread is not None:
             self._thread.join()
-            _joined.seconds = getattr(_joined, "seconds", 0.0) + self._cpu_s
-            self._cpu_s = 0.0
+            if not self._is_counted:
+                _joined.seconds = getattr(_joined, "seconds", 0.0) + self.cpu_s
+                self._is_counted = True

@@ -185,6 +185,8 @@ def make_page_reply(
     else:
         with timed("encode", timings_ms, ENCODING_BEGINS):
             encoded = encode_page(page, target, source, encoding)
+    if page.quality is not None and page.quality.is_beside:  # else it was timed where it was measured
+        timings_ms["quality"] = 1000 * page.quality.cpu_s
     page.answer.timings_ms = describe_timings(timings_ms)
     body = _bind([encoded], target, encoding)
     return PageReply(body, MEDIA_TYPES[target.format], page.answer, (page.kept,))
