@@ -14,7 +14,7 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.notices import Notice
-from services.ocr.engine import DirectionDetector, OcrEngine
+from services.ocr.engine import DirectionDetector, OcrEngine, ReadDirection
 from services.ocr.text_lines import TextLine, TextLines, cut_line, detect_text_lines
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
@@ -66,6 +66,9 @@ DIGIT_WEIGHT = 0.4
 """Digits are often digits upside down too."""
 HOPELESS_SCORE = 0.25
 """If no orientation reads better, more lines are not worth the time."""
+UNREAD_SCORE = 0.5
+"""If none of few lines reads better, the engine does not know the language, as a rule: its page detection, which takes
+as long as six lines, is asked before more are read."""
 LEAST_DETECTION_CONFIDENCE = 12.0
 """Of Tesseract's script detection, wrong at up to 4 on print, and at up to 11.5 on mirrored print."""
 EAST_ASIAN_SCRIPTS = ("Han", "Hangul", "Japanese", "Korean")
@@ -105,12 +108,13 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     """
     lines = detect_text_lines(flat)
     rows = _LineReader(flat, lines.rows, 0, ocr)
+    engine = _PageDetection(flat, ocr)
     if rows.mass >= CLEAR_MASS:
         # A flat page has been turned until its lines run along the rows: mostly these can be read.
         letters, score = rows.read_first(_Way(0, False))
         if letters >= CLEAR_LETTERS and score >= EVIDENT_SCORE:
             return Orientation(0, False, math.sqrt(score))
-        found = _decide([rows], (False,))
+        found = _decide([rows], (False,), engine)
         if (found.confidence or 0.0) >= CERTAIN_CONFIDENCE:
             return found
     axes = [rows, _LineReader(flat, lines.columns, 90, ocr)]
@@ -118,33 +122,58 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     if axes[0].mass == 0.0:
         return Orientation(0, False, 0.0)
     ratio = axes[1].mass / axes[0].mass
-    plain = found = _decide(axes[: 1 if ratio < CLEAR_AXIS else 2], (False,))
-    if (plain.confidence or 0.0) < CERTAIN_CONFIDENCE:
-        found = _decide(axes[: 1 if ratio < CERTAIN_AXIS else 2], (False, True))
-    if (found.confidence or 0.0) < LEAST_CONFIDENCE and isinstance(ocr, DirectionDetector):
-        return _ask_engine(flat, ocr, found, plain)
+    plain = found = _decide(axes[: 1 if ratio < CLEAR_AXIS else 2], (False,), engine)
+    if (plain.confidence or 0.0) < CERTAIN_CONFIDENCE and not engine.is_sure:
+        is_unread = (plain.confidence or 0.0) < LEAST_CONFIDENCE
+        found = _decide(axes[: 1 if ratio < CERTAIN_AXIS else 2], (False, True), is_unread=is_unread)
+    if (found.confidence or 0.0) < LEAST_CONFIDENCE:
+        return engine.answer(plain) or found
     return found
 
 
-def _ask_engine(
-    flat: GrayImage, ocr: DirectionDetector, found: Orientation, plain: Orientation
-) -> Orientation:
-    """Orientation by the page detection of the engine, which knows scripts whose words it cannot read.
+class _PageDetection:
+    """Orientation by the page detection of the engine, which knows scripts whose words it cannot read. Asked once."""
 
-    `plain` is what the lines' readings say if mirrored ways are left out: less confidence is enough for the same.
-    """
-    factor = min(1.0, READING_LONG_SIDE_PX / max(flat.shape))
-    direction = ocr.detect_direction(flatten_illumination(reduce_image(flat, factor)))
-    if direction is None:
-        return found
-    sure = direction.script in EAST_ASIAN_SCRIPTS or (
-        (plain.confidence or 0.0) >= LEAST_CONFIDENCE and plain.rotation_deg == -direction.turned_deg % 360
-    )
-    least = LEAST_SURE_CONFIDENCE if sure else LEAST_DETECTION_CONFIDENCE
-    if direction.confidence < least:
-        return found
-    surplus = direction.confidence / least - 1.0
-    return Orientation(-direction.turned_deg % 360, False, min(0.9, LEAST_CONFIDENCE + 0.4 * surplus))
+    def __init__(self, flat: GrayImage, ocr: OcrEngine) -> None:
+        self._flat = flat
+        self._ocr = ocr
+        self._found: ReadDirection | None = None
+        self._asked = False
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it was asked, and needs no line to agree."""
+        return self._asked and self.answer() is not None
+
+    def answer(self, plain: Orientation | None = None) -> Orientation | None:
+        """What it says, if that is believed.
+
+        `plain` is what the lines' readings say if mirrored ways are left out: less confidence is enough for the same.
+        """
+        direction = self._ask()
+        if direction is None:
+            return None
+        agrees = (
+            plain is not None
+            and (plain.confidence or 0.0) >= LEAST_CONFIDENCE
+            and plain.rotation_deg == -direction.turned_deg % 360
+        )
+        sure = agrees or direction.script in EAST_ASIAN_SCRIPTS
+        least = LEAST_SURE_CONFIDENCE if sure else LEAST_DETECTION_CONFIDENCE
+        if direction.confidence < least:
+            return None
+        surplus = direction.confidence / least - 1.0
+        return Orientation(-direction.turned_deg % 360, False, min(0.9, LEAST_CONFIDENCE + 0.4 * surplus))
+
+    def _ask(self) -> ReadDirection | None:
+        if not self._asked:
+            self._asked = True
+            if isinstance(self._ocr, DirectionDetector):
+                factor = min(1.0, READING_LONG_SIDE_PX / max(self._flat.shape))
+                self._found = self._ocr.detect_direction(
+                    flatten_illumination(reduce_image(self._flat, factor))
+                )
+        return self._found
 
 
 def apply_orientation(image: NDArray[Any], orientation: Orientation) -> NDArray[Any]:
@@ -153,8 +182,18 @@ def apply_orientation(image: NDArray[Any], orientation: Orientation) -> NDArray[
     return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90) % 4))
 
 
-def _decide(axes: list["_LineReader"], mirrorings: tuple[bool, ...]) -> Orientation:
-    """Best way among the two turns of each axis in each of `mirrorings`."""
+def _decide(
+    axes: list["_LineReader"],
+    mirrorings: tuple[bool, ...],
+    engine: _PageDetection | None = None,
+    *,
+    is_unread: bool = False,
+) -> Orientation:
+    """Best way among the two turns of each axis in each of `mirrorings`.
+
+    Where few lines hardly read, `engine` is asked before more are, and none are where mirrored ways are tried of what
+    `is_unread` otherwise.
+    """
     best, confidence = _Way(0, False), 0.0
     stages = (
         (FIRST_LINES, CLEAR_SCORE, CLEAR_MARGIN, CLEAR_LETTERS),
@@ -178,6 +217,12 @@ def _decide(axes: list["_LineReader"], mirrorings: tuple[bool, ...]) -> Orientat
             break
         if True in mirrorings and scores[best] < HOPELESS_SCORE:
             break
+        if lines == FEW_LINES and scores[best] < UNREAD_SCORE:
+            if is_unread:
+                return Orientation(0, False, min(confidence, LEAST_CONFIDENCE / 2))
+            detected = None if engine is None else engine.answer()
+            if detected is not None:
+                return detected
     # Mirrored photos are rare, and letters are read into the texture of pictures.
     least = CERTAIN_CONFIDENCE if best.mirrored else LEAST_CONFIDENCE
     if confidence < least:
