@@ -124,7 +124,6 @@ def _measure(case: MosaicCase, truth: TrueSet, bench: Bench) -> tuple[SetFigures
         errors.by_photo_px,
         tuple(k for k, mesh in enumerate(meshes) if mesh is None),
         {f"{a}-{b}": share for (a, b), share in truth.overlaps.items() if share > 0},
-        {} if result is None else {f"{pair.a}-{pair.b}": pair.overlap_fraction for pair in result.pairs},
         bench.score(ours, truth.lines, kept=False),
         bench.score(truth.page, truth.lines, kept=True),
         attempt.usage,
