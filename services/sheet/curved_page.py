@@ -59,6 +59,7 @@ START_GAIN = 3e-3
 GOOD_SHARE = 0.08
 """Cost of a start for each sample of the flows, below which no other rulings are tried. Right starts of 13
 simulated photos leave 0.015 to 0.12, wrong ones 0.13 to 4."""
+MAX_TILT_RAD = np.deg2rad(80.0)
 STRIPS = 40
 """Number of strips that describe the surface in the answer."""
 SIDE_SLACK = (8.0, 1.0, 1.0)
@@ -71,7 +72,7 @@ ones."""
 SLACK_SIDES = 0.005
 """The same after the round with slack: of 128 sheets those that ended below `MAX_SIDES` had 0.0028 at most there."""
 MIN_VISIBLE = 0.97
-"""Share of the characters, of every photo of it, that the surface must place."""
+"""Share of the characters that the surface must place."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -343,6 +344,11 @@ def implausibility(surface: DevelopableSurface, characters: Points) -> str | Non
     low, high = np.percentile(np.sqrt(det[good]), [1, 99])
     if high >= MAX_MAGNIFICATION_RATIO * low:
         return f"some text would be enlarged {high / low:.0f} times as much as other text"
+    sight = at.X[good] / np.linalg.norm(at.X[good], axis=1, keepdims=True)
+    N = surface.normals(characters[good])
+    tilt = np.arccos(np.clip(np.einsum("ij,ij->i", N, sight), -1, 1))
+    if np.percentile(tilt, 97) >= MAX_TILT_RAD:
+        return "part of the text would be seen edge-on"
     return None
 
 

@@ -56,6 +56,7 @@ class FlatnessParameters:
     """Of the distance from line to line."""
     fewest_spaces: int = 3
     margin: float = 0.6
+    fewest_ends: int = 4
     direction_rad: float = float(np.deg2rad(1.2))
     """Of a sample of the lines' directions."""
     stroke_rad: float = float(np.deg2rad(1.0))
@@ -65,6 +66,8 @@ class FlatnessParameters:
     """Of a side's points from its line, ..."""
     shared_side: float = 12.0
     """... on as many independent ones."""
+    fewest_fitted: int = 3
+    """Sides, of which one that contradicts the others is doubted."""
     most_points: int = 1000
     """Of the lines, ..."""
     most_samples: int = 300
@@ -242,7 +245,7 @@ def _flush_margins(
     for ends in lines.margins:
         pixels = frame.to_flat(view.to_photo(ends))
         pixels = pixels[finite(pixels)]
-        if len(pixels):
+        if len(pixels) >= p.fewest_ends:
             together = np.zeros(len(pixels), np.intp)
             x = without_means(pixels[:, :1], together)[:, 0] / field.width
             terms = without_means(field.values(pixels), together)
@@ -313,7 +316,7 @@ def _doubts(sides: list[_Side], shape: PageShape, frame: Frame, p: FlatnessParam
     """
     bends = np.array([side.bend_px for side in sides]) / frame.width
     fitted = shape.kind == "curved" and not shape.ends_at_sides and "outline" in shape.sources
-    if not fitted or len(sides) < 2 or shape.line_count < FEW_LINES:
+    if not fitted or len(sides) < p.fewest_fitted or shape.line_count < FEW_LINES:
         return np.ones(len(sides))
     others = np.array([np.delete(bends, k).max() for k in range(len(sides))])
     return np.asarray(np.maximum(bends / np.maximum(others, p.side), 1.0))

@@ -189,3 +189,29 @@ def test_zones_farther_apart_than_on_any_sample_lose_their_label() -> None:
     kept = replace(model, edges=(far, *edges[1:]))
     assert with_near_zones(replace(seen, page=page, zones=zones), kept).zones == zones
     assert total.pieces.within > 0
+
+
+def test_a_label_whose_zones_have_lines_is_no_single_part() -> None:
+    """An address that every sample has once, in one box, is all of its lines: more than one part may have it."""
+    model = model_of_slips()
+    fine = cut_lines(slip(11)).fine
+    twice = recognize(compose_page(fine), [VersionedModel(model, 1)])
+    two = tuple(replace(each, label="total") for each in twice.zones[:2])
+    seen = replace(twice, zones=(*two, *(replace(each, label=None) for each in twice.zones[2:])))
+
+    def lines_of_total(lines: float) -> LayoutModel:
+        nodes = (
+            replace(
+                node,
+                numeric={**node.numeric, "lines": replace(node.numeric["lines"], value=np.log2(1 + lines))},
+            )
+            if node.label == "total"
+            else node
+            for node in model.nodes
+        )
+        return replace(model, nodes=tuple(nodes))
+
+    def left(lines: float) -> int:
+        return sum(each.label == "total" for each in with_single_zones(seen, lines_of_total(lines)).zones)
+
+    assert (left(1.0), left(1.2), left(2.0)) == (1, 1, 2)
