@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from services.layout.page import Box
+from services.layout.recognition.results import RecognizedZone
 from services.layout.tables.item_table import ItemTable
 
 _COVERED = 0.7
@@ -20,6 +21,17 @@ def table_of_zone(box: Box, tables: Sequence[ItemTable]) -> ItemTable | None:
     """The table that a zone with this box is."""
     around = table_around(box, tables)
     return around if around is not None and _share(around.box, box) >= _WHOLE else None
+
+
+def outside_cells(zones: Sequence[RecognizedZone], tables: Sequence[ItemTable]) -> list[RecognizedZone]:
+    """The zones that are no cells of a table: those that a person drew stand in the table already."""
+    return [each for each in zones if not _is_cell(each, tables)]
+
+
+def _is_cell(zone: RecognizedZone, tables: Sequence[ItemTable]) -> bool:
+    around = table_around(zone.zone.box, tables)
+    is_table = table_of_zone(zone.zone.box, tables) is not None
+    return around is not None and not is_table and zone.label in around.columns
 
 
 def _share(box: Box, other: Box) -> float:
