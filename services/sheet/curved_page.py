@@ -69,8 +69,6 @@ MAX_SIDES = 0.0025
 """RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
 0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
 ones."""
-SLACK_SIDES = 0.005
-"""The same after the round with slack: of 128 sheets those that ended below `MAX_SIDES` had 0.0028 at most there."""
 MIN_VISIBLE = 0.97
 """Share of the characters that the surface must place."""
 
@@ -317,15 +315,16 @@ def _fit_lines(
         eased = replace(parameters, side_factor=slack * parameters.side_factor)
         fitted = fit_surface(recentre(fitted, e.characters, edges), observed, eased)
         refused = implausibility(fitted.surface, e.characters) is not None
-        if refused or _sides_hopeless(fitted.surface, edges, MAX_SIDES if slack == 1.0 else SLACK_SIDES):
+        # In a round with slack the sides have not been drawn yet: from 0.0103 one sheet came to 0.0001.
+        if refused or (slack == 1.0 and _sides_hopeless(fitted.surface, edges)):
             break
         parameters = rescale_deviations(parameters, fitted)
     return fitted, lines
 
 
-def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations, most: float = MAX_SIDES) -> bool:
+def _sides_hopeless(surface: DevelopableSurface, edges: SideObservations) -> bool:
     """Whether the sides are left so far from straight ones that no smooth sheet has them."""
-    return len(edges.points) > 0 and measure_sides(surface, edges) > most
+    return len(edges.points) > 0 and measure_sides(surface, edges) > MAX_SIDES
 
 
 def implausibility(surface: DevelopableSurface, characters: Points) -> str | None:
