@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from services.contract.boxes import area, common_area
 from services.layout.page import Box
 from services.layout.recognition.results import RecognizedZone
 from services.layout.tables.item_table import ItemTable
@@ -36,6 +37,4 @@ def _is_cell(zone: RecognizedZone, tables: Sequence[ItemTable]) -> bool:
 
 def _share(box: Box, other: Box) -> float:
     """Of a box, how much of it lies in the other one."""
-    across = min(box[2], other[2]) - max(box[0], other[0])
-    down = min(box[3], other[3]) - max(box[1], other[1])
-    return max(0.0, across) * max(0.0, down) / max(1.0, (box[2] - box[0]) * (box[3] - box[1]))
+    return common_area(box, other) / max(1.0, area(box))

@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
+from services.contract.boxes import common_height
 from services.layout.page import Box
-from services.layout.tables.learning import TablePage, common_height, labelled_rows
+from services.layout.tables.learning import TablePage, labelled_rows
 from services.notices import Notice
 
 _ONE_LINE = 0.5
