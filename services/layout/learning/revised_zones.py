@@ -129,4 +129,6 @@ def _lines_within(zone: Zone, box: Box) -> list[str]:
 def _mean(under: Sequence[tuple[Zone, float]], name: str) -> float | None:
     """Mean of a property over the found zones that have it, weighted by common area."""
     known = [(getattr(zone, name), common) for zone, common in under if getattr(zone, name) is not None]
-    return sum(value * common for value, common in known) / sum(common for _, common in known) if known else None
+    return (
+        sum(value * common for value, common in known) / sum(common for _, common in known) if known else None
+    )
