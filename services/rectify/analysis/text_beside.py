@@ -1,4 +1,4 @@
-"""Texture of a desk that was taken for text: it lies beside a certain sheet, and forms no lines."""
+"""Text beside the outline of a sheet: texture of a desk forms no lines, print does."""
 
 import cv2
 import numpy as np
@@ -18,10 +18,23 @@ def is_texture_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> b
     if outline is None or outline.confidence < CERTAIN_CONFIDENCE:
         return False
     inside = outline.holds(analysis.characters)
-    if inside.mean() >= 1 - MOST_BESIDE:
+    return inside.mean() < 1 - MOST_BESIDE and not _shows_print_beside(analysis, outline)
+
+
+def is_print_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> bool:
+    """Whether most of the text of `analysis` is print beside `outline`: then it is no end of the sheet.
+
+    So may the border of a picture be, with the page's text above and below it.
+    """
+    if outline is None or 2 * outline.holds(analysis.characters).mean() >= 1:
         return False
+    return _shows_print_beside(analysis, outline)
+
+
+def _shows_print_beside(analysis: PageAnalysis, outline: SheetOutline) -> bool:
+    """Whether the ink outside of `outline` lies in lines, along the photo or across it."""
     beside = _ink_beside(analysis, outline)
-    return not (shows_print(beside) or shows_print(np.ascontiguousarray(beside.T)))
+    return shows_print(beside) or shows_print(np.ascontiguousarray(beside.T))
 
 
 def _ink_beside(analysis: PageAnalysis, outline: SheetOutline) -> Mask:
