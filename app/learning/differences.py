@@ -1,6 +1,5 @@
 """Whether a person has found anything wrong of a recognized result: zones that went or were drawn, and cells too."""
 
-
 from services.contract.boxes import holds_middle
 from services.contract.result_json import LabelledZoneJson, ResultJson, TableJson
 
