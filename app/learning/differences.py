@@ -1,10 +1,7 @@
 """Whether a person has found anything wrong of a recognized result: zones that went or were drawn, and cells too."""
 
-from services.contract.boxes import holds_middle
+from services.contract.boxes import are_one_place, holds_middle
 from services.contract.result_json import LabelledZoneJson, ResultJson, TableJson
-
-_SAME_PX = 1.0
-"""Largest distance of the sides of one zone, as where drawn zones are measured."""
 
 
 def is_corrected(found: ResultJson, shown: ResultJson) -> bool:
@@ -33,10 +30,8 @@ def _class(result: ResultJson) -> str | None:
 
 
 def _is_same(zone: LabelledZoneJson, found: LabelledZoneJson) -> bool:
-    sides = zip(zone["box"], found["box"], strict=True)
-    return (zone["label"], zone["text"]) == (found["label"], found["text"]) and all(
-        abs(a - b) <= _SAME_PX for a, b in sides
-    )
+    same = (zone["label"], zone["text"]) == (found["label"], found["text"])
+    return same and are_one_place(zone["box"], found["box"])
 
 
 def _cells(result: ResultJson) -> list[list[dict[str, list[str]]]]:

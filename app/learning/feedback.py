@@ -124,7 +124,7 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
         warnings.append(NOTHING_LEARNED)
     draft = replace(
         _draft(given, adaptation, warnings),
-        is_corrected=is_corrected(given.recognized["result"], shown),
+        is_corrected=await asyncio.to_thread(is_corrected, given.recognized["result"], shown),
         unknown_page=unknown_page,
         lesson=lesson_document(verified, adaptation, models),
         revised={"page": verified.page, "result": shown},

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 
 Sides = Sequence[float]
+SAME_PX = 1.0
+"""Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
 
 
 def area(box: Sides) -> float:
@@ -15,6 +17,11 @@ def common_area(one: Sides, other: Sides) -> float:
     across = min(one[2], other[2]) - max(one[0], other[0])
     down = min(one[3], other[3]) - max(one[1], other[1])
     return max(across, 0.0) * max(down, 0.0)
+
+
+def are_one_place(one: Sides, other: Sides) -> bool:
+    """Whether two boxes are of one zone."""
+    return max(abs(a - b) for a, b in zip(one, other, strict=True)) <= SAME_PX
 
 
 def common_height(one: Sides, other: Sides) -> float:

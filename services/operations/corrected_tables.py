@@ -7,11 +7,10 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, field
 from typing import cast
 
-from services.contract.boxes import common_height, holds_middle
+from services.contract.boxes import are_one_place, common_height, holds_middle
 from services.contract.fields import FieldSetting
 from services.contract.layout_learning import Correction
 from services.contract.result_json import CellJson, FoundCellJson, LabelledZoneJson, ResultJson, TableJson
-from services.layout.learning.revised_zones import are_one_place
 from services.layout.values.typed_value import find_value, plain_text
 
 _SAME_ROW = 0.3

@@ -21,7 +21,7 @@ from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import FoundText, find_text
 from services.rectify.analysis.page_analysis import PageAnalysis, analyse_briefly, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
-from services.rectify.analysis.text_beside import is_print_beside, is_texture_beside
+from services.rectify.analysis.text_beside import text_beside
 from services.rectify.effort import BRIEF, WHOLE, Effort
 from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
@@ -272,10 +272,11 @@ class _Search:
             release_freed_memory()
             if region is None and not analysis.facing_page:
                 self.seek_outline(analysis)
-            if self.outline is not None and is_texture_beside(analysis, self.outline):
+            beside = text_beside(analysis, self.outline)
+            if self.outline is not None and beside == "texture":
                 on_sheet = tuple((float(x), float(y)) for x, y in self.outline.polygon)
                 analysis = analyse_photo(self.halves, on_sheet, clock=self.clock)
-            elif is_print_beside(analysis, self.outline):
+            elif beside == "print":
                 self.outline = None
         # The outline of an opened book is not that of a single page.
         outline = None if analysis.facing_page else self.outline

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from services.contract.boxes import area, common_area, holds_middle
+from services.contract.boxes import are_one_place, area, common_area, holds_middle
 from services.layout.page import Box, Page, Zone, ZoneWord
 
-_SAME_PX = 1.0
-"""Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
 _COVERED = 0.5
 """Least share of a line's width within the drawn zone."""
 
@@ -27,11 +25,6 @@ def revise_zones(page: Page, drawn: Page) -> Page:
         The page with the person's zones and labels.
     """
     return replace(drawn, zones=tuple(_revised(zone, page) for zone in drawn.zones))
-
-
-def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
-    """Whether two boxes in pixels are of one zone."""
-    return max(abs(a - b) for a, b in zip(first, second, strict=True)) <= _SAME_PX
 
 
 def zone_at(box: Sequence[float], found: Sequence[Zone]) -> Zone | None:

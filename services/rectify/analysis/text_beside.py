@@ -1,5 +1,7 @@
 """Text beside the outline of a sheet: texture of a desk forms no lines, print does."""
 
+from typing import Literal
+
 import cv2
 import numpy as np
 
@@ -13,28 +15,23 @@ MOST_BESIDE = 0.03
 """Share of the characters beside the sheet up to which they are specks, which disturb nothing."""
 
 
-def is_texture_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> bool:
-    """Whether part of the text of `analysis` is texture beside the certain sheet within `outline`."""
-    if outline is None or outline.confidence < CERTAIN_CONFIDENCE:
-        return False
-    inside = outline.holds(analysis.characters)
-    return inside.mean() < 1 - MOST_BESIDE and not _shows_print_beside(analysis, outline)
+def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal["texture", "print"] | None:
+    """What the text of `analysis` outside of `outline` is, where it matters; None where it does not.
 
-
-def is_print_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> bool:
-    """Whether most of the text of `analysis` is print beside `outline`: then it is no end of the sheet.
-
-    So may the border of a picture be, with the page's text above and below it.
+    Texture beside a certain sheet is that of a desk. Print is told where it is most of the text: then the outline is no
+    end of the sheet. So may the border of a picture be, with the page's text above and below it.
     """
-    if outline is None or 2 * outline.holds(analysis.characters).mean() >= 1:
-        return False
-    return _shows_print_beside(analysis, outline)
-
-
-def _shows_print_beside(analysis: PageAnalysis, outline: SheetOutline) -> bool:
-    """Whether the ink outside of `outline` lies in lines, along the photo or across it."""
+    if outline is None:
+        return None
+    inside = outline.holds(analysis.characters).mean()
+    is_certain = outline.confidence >= CERTAIN_CONFIDENCE and inside < 1 - MOST_BESIDE
+    is_most = inside < 0.5
+    if not is_certain and not is_most:
+        return None
     beside = _ink_beside(analysis, outline)
-    return shows_print(beside) or shows_print(np.ascontiguousarray(beside.T))
+    if shows_print(beside) or shows_print(np.ascontiguousarray(beside.T)):
+        return "print" if is_most else None
+    return "texture" if is_certain else None
 
 
 def _ink_beside(analysis: PageAnalysis, outline: SheetOutline) -> Mask:

@@ -9,7 +9,7 @@ from services.arrays import RgbImage
 from services.contract.rectify import RectifyParameters
 from services.imaging.reduction import Halves
 from services.rectify.analysis.page_analysis import analyse_photo
-from services.rectify.analysis.text_beside import is_print_beside, is_texture_beside
+from services.rectify.analysis.text_beside import text_beside
 from services.rectify.pipeline import rectify
 from services.sheet.outline.given_corners import outline_between
 
@@ -67,12 +67,10 @@ def test_an_outline_with_most_of_the_print_beside_it_is_no_end_of_the_sheet(end:
     photo = page_round_a_picture()
     analysis = analyse_photo(photo)
     outline = outline_between(Halves(photo), np.array([[5, 5], [994, 5], [994, end], [5, end]], np.float64))
-    assert is_print_beside(analysis, outline) == is_cut
-    assert not is_texture_beside(analysis, outline)
+    assert text_beside(analysis, outline) == ("print" if is_cut else None)
 
 
-def test_grain_beside_a_sheet_is_texture_and_no_print() -> None:
+def test_grain_beside_a_sheet_is_texture() -> None:
     photo = notepad_on_grain()
     analysis, outline = analyse_photo(photo), outline_between(Halves(photo), SHEET)
-    assert is_texture_beside(analysis, outline)
-    assert not is_print_beside(analysis, outline)
+    assert text_beside(analysis, outline) == "texture"
