@@ -17,6 +17,7 @@ from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.held_corners import end_at_corners, hold_corners
 from services.rectify.view.paper_end import find_paper_end
 from services.rectify.view.print_kept import (
+    count_cut_letters,
     grow_to_print,
     kept_print,
     print_notices,
@@ -92,14 +93,14 @@ def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop, effort: Effort = W
     boxes = sheet_print(page)
     frame, white = frame_view(photo, page, crop, boxes, effort)
     kept = kept_print(frame, boxes, white)
-    size = (photo.shape[1], photo.shape[0])
+    cut_letters = 0 if effort.is_brief else count_cut_letters(page, boxes)
     return JudgedView(
         page,
         frame,
         white,
         None if effort.is_brief else measure_flatness(page, frame),
         share_kept(boxes, kept),
-        print_notices(boxes, kept, size, page.text_height_px),
+        print_notices(kept, cut_letters),
     )
 
 
