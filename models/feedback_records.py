@@ -141,6 +141,9 @@ class FeedbackDraft:
         The verified class is created if it does not exist.
     letters, wrong_letters
         Number of letters of the texts that the person gave, and of the edits that made them of the read ones.
+    is_corrected
+        Whether the result as verified differs from the recognized one. Wrong zones, a wrong class and wrong letters
+        say so too.
     """
 
     result_id: str
@@ -161,6 +164,7 @@ class FeedbackDraft:
     may_create_class: bool = False
     letters: int | None = None
     wrong_letters: int | None = None
+    is_corrected: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

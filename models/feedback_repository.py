@@ -143,6 +143,7 @@ class FeedbackRepository(Transactions):
                 owner=draft.owner,
                 letters=draft.letters,
                 wrong_letters=draft.wrong_letters,
+                is_corrected=draft.is_corrected,
             )
             session.add(feedback)
             session.flush()

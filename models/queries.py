@@ -5,7 +5,7 @@ from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import cast, get_args
 
-from sqlalchemy import ColumnElement, delete, func, select
+from sqlalchemy import ColumnElement, delete, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from models.documents import decode_document, encode_document
@@ -24,7 +24,16 @@ from models.records import (
     StoredSample,
     UnknownPageDraft,
 )
-from models.tables import ModelRow, ResultRow, ReviewRow, SampleRow, StateRow, UnknownPageRow, VersionRow
+from models.tables import (
+    FeedbackRow,
+    ModelRow,
+    ResultRow,
+    ReviewRow,
+    SampleRow,
+    StateRow,
+    UnknownPageRow,
+    VersionRow,
+)
 from models.ulid import is_ulid
 from services.contract.fields import MOST_COLUMNS, MOST_FIELDS, FieldSetting, FieldSettingJson
 from services.contract.html import HtmlElement
@@ -36,6 +45,16 @@ READ_AT_ONCE = 8
 """Rows with documents; each has a few MB at most."""
 IDS_AT_ONCE = 500
 """Ids in one statement; SQLite accepts 32,766 parameters."""
+
+
+def something_wrong() -> ColumnElement[bool]:
+    """Whether a feedback found anything of its result wrong; rows of earlier releases have counts only."""
+    counts = (
+        FeedbackRow.class_wrong,
+        FeedbackRow.wrong_zones > 0,
+        func.coalesce(FeedbackRow.wrong_letters, 0) > 0,
+    )
+    return or_(func.coalesce(FeedbackRow.is_corrected, False), *counts)
 
 
 def review_of(row: ResultRow, place: ReviewDraft) -> ReviewRow:

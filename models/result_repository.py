@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, decode_measured, encode_document
 from models.errors import ResultNotFound, UnknownPageNotFound
-from models.queries import READ_AT_ONCE, add_unknown_page, present_ids, review_of
+from models.queries import READ_AT_ONCE, add_unknown_page, present_ids, review_of, something_wrong
 from models.records import (
     ListedResult,
     ResultDraft,
@@ -219,10 +219,7 @@ class ResultRepository(Transactions):
 def _verdicts_of_row() -> tuple[ColumnElement[bool], ColumnElement[bool]]:
     """Whether a person has verified the result of a row, and whether something was wrong."""
     of_row = select(FeedbackRow.id).where(FeedbackRow.result_id == ResultRow.id)
-    something_wrong = (
-        FeedbackRow.class_wrong | (FeedbackRow.wrong_zones > 0) | (FeedbackRow.wrong_letters > 0)
-    )
-    return of_row.exists(), of_row.where(something_wrong).exists()
+    return of_row.exists(), of_row.where(something_wrong()).exists()
 
 
 def _each_listed(session: Session, wanted: Select[ResultRow, bool, bool]) -> Iterator[ListedResult]:

@@ -14,6 +14,7 @@ from models.clocks import latest
 from models.documents import Document, decode_document, encode_document
 from models.errors import Claimed, ResultNotFound
 from models.feedback_records import ReportJson
+from models.queries import something_wrong
 from models.records import Review, ReviewDraft, ReviewOrder, ReviewState, StoredAuditEntry
 from models.tables import AuditRow, FeedbackRow, ResultRow, ReviewRow
 from models.transactions import Transactions
@@ -49,7 +50,7 @@ class ReviewRepository(Transactions):
             select(FeedbackRow.id)
             .where(
                 FeedbackRow.result_id == ReviewRow.result_id,
-                FeedbackRow.class_wrong | (FeedbackRow.wrong_zones > 0) | (FeedbackRow.wrong_letters > 0),
+                something_wrong(),
             )
             .exists()
         )

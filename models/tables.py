@@ -127,6 +127,7 @@ class FeedbackRow(Table):
     `lesson` is the verified page with all labels. The models learn from it again when an earlier feedback is taken
     back. It is NULL when a later feedback on the same result has replaced this one, or when its sample was deleted.
     `letters` counts those of the texts that the person gave, `wrong_letters` the edits that made them of the read ones.
+    `is_corrected`: the person found anything wrong; NULL in rows of earlier releases, whose counts say it.
     """
 
     __tablename__ = "layout_feedback"
@@ -151,6 +152,7 @@ class FeedbackRow(Table):
     owner: Mapped[str | None] = mapped_column(String(MAX_NAME), index=True)
     letters: Mapped[int | None]
     wrong_letters: Mapped[int | None]
+    is_corrected: Mapped[bool | None]
 
 
 class FeedbackModelRow(Table):

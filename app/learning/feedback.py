@@ -24,6 +24,7 @@ from difflib import get_close_matches
 from typing import cast
 
 from app.engine.base import Busy, JobTimedOut
+from app.learning.differences import is_corrected
 from app.learning.given_feedback import MOST_NAMED, GivenFeedback, given_feedback
 from app.learning.lessons import lesson_document, teach
 from app.learning.samples import newest_samples
@@ -123,6 +124,7 @@ async def _learn_once(state: AppState, given: GivenFeedback) -> StoredFeedback:
         warnings.append(NOTHING_LEARNED)
     draft = replace(
         _draft(given, adaptation, warnings),
+        is_corrected=await asyncio.to_thread(is_corrected, given.recognized["result"], shown),
         unknown_page=unknown_page,
         lesson=lesson_document(verified, adaptation, models),
         revised={"page": verified.page, "result": shown},

@@ -12,6 +12,7 @@ from app.state import AppState
 from models.feedback_records import GivenJson
 from models.records import RECOGNIZED, recognized
 from services.contract.answers.learning import GivenText, Verdict
+from services.contract.boxes import area, common_area
 from services.contract.layout_learning import Adaptation, VerifiedPage
 from services.contract.page_json import GivenZoneJson, PageJson
 from services.contract.result_json import (
@@ -135,20 +136,10 @@ def _label_under(box: Sequence[float], zones: Sequence[LabelledZoneJson]) -> str
     """The label of the zone that has most of a box in common with it, at least half of the smaller one."""
     most, label = 0.0, None
     for zone in zones:
-        common = _common_area(box, zone["box"])
-        if common > most and 2 * common >= min(_area(box), _area(zone["box"])):
+        common = common_area(box, zone["box"])
+        if common > most and 2 * common >= min(area(box), area(zone["box"])):
             most, label = common, zone["label"]
     return label
-
-
-def _area(box: Sequence[float]) -> float:
-    return (box[2] - box[0]) * (box[3] - box[1])
-
-
-def _common_area(one: Sequence[float], other: Sequence[float]) -> float:
-    across = min(one[2], other[2]) - max(one[0], other[0])
-    down = min(one[3], other[3]) - max(one[1], other[1])
-    return max(across, 0.0) * max(down, 0.0)
 
 
 def _zones_with_texts(document: StoredResultJson, body: FeedbackBody) -> list[GivenZoneJson]:

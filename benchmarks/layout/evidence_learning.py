@@ -53,7 +53,7 @@ RIDGE = 1e-4
 KINDS = {"read": READ, "unread": UNREAD}
 
 Judged = tuple[NDArray[np.float64], NDArray[np.bool_]]
-"""Features (N, 6) of labels, and which of them are right."""
+"""Features (N, 8) of labels, and which of them are right."""
 Case = tuple[str, str]
 """Set and number of samples."""
 
@@ -64,7 +64,7 @@ def without_texts(page: Page) -> Page:
 
 
 def features_of(seen: Recognition, model: LayoutModel, kind: LabelEvidence) -> NDArray[np.float64]:
-    """`EVIDENCE_FEATURES` (N, 6) of the labels of a page that this model alone has labelled."""
+    """`EVIDENCE_FEATURES` (N, 8) of the labels of a page that this model alone has labelled."""
     graph = build_graph(seen.page, content_features().names)
     compiled = compile_model(model, graph.content_names)
     tables = build_cost_tables(graph, compiled)
@@ -100,7 +100,7 @@ def join(judged: Sequence[Judged]) -> Judged:
 
 
 def fit_weights(cases: Sequence[Judged], kind: LabelEvidence) -> NDArray[np.float64]:
-    """Weights (6,) under which the labels are most probable, each case weighing the same.
+    """Weights (8,) under which the labels are most probable, each case weighing the same.
 
     Features without a weight in `kind` are left out.
     """

@@ -30,6 +30,7 @@ from services.layout.pipeline import (
 from services.layout.recognition.documents import PageInDocument, recognize_document
 from services.layout.segmentation import FinePage, measure_zones
 from services.ocr.engine import OcrEngine, Word
+from services.ocr.lost_numbers import with_lost_numbers
 from services.operations.layout_result import describe_fields
 from services.operations.layout_tables import describe_tables, gather_tables, with_tables
 from services.rectify.pipeline import rectify
@@ -120,7 +121,8 @@ def make_form(
         else:
             assert engine is not None, "pictures cannot be read without an engine"
             image = _picture(page, source, seed + number, engine)
-            words = memory.page_words(ServiceReader(engine), readable(luminance(image)))
+            even = readable(luminance(image))
+            words = with_lost_numbers(even, memory.page_words(ServiceReader(engine), even), engine)
         segmented, fine = fine_page(image, words)
         pages.append(FormPage(page, segmented, fine, tuple(words), image.shape[:2]))
     return Form(firm.name, tuple(pages))

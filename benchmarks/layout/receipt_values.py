@@ -27,6 +27,7 @@ from services.layout.segmentation import FinePage, compose_page, measure_zones, 
 from services.layout.values.typed_value import find_value, plain_text
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.lost_lines import with_lost_lines
+from services.ocr.lost_numbers import with_lost_numbers
 from services.ocr.softer_reading import read_best
 
 CLASS = "receipt"
@@ -152,7 +153,8 @@ def _is_total(lines: Sequence[tuple[Box, str]], place: int) -> tuple[int, float]
 def read_receipt(file: Path, engine: OcrEngine, memory: Memory) -> Receipt:
     """The receipt `file` (its values, as JSON), read and segmented."""
     gray = load_gray(file.with_suffix(".jpg"))
-    words = memory.page_words(ServiceReader(engine), readable(gray))
+    even = readable(gray)
+    words = with_lost_numbers(even, memory.page_words(ServiceReader(engine), even), engine)
     values = {name: str(value) for name, value in json.loads(file.read_text("utf-8")).items() if value}
     lines: list[tuple[Box, str]] = []
     with file.with_suffix(".csv").open(encoding="utf-8", newline="") as rows:

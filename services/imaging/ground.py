@@ -34,7 +34,7 @@ class GroundParameters:
     step: float = 0.10
     """Difference of brightness over `reach_px` pixels that is an edge: light and soft shadows change less."""
     hue_step: float = 5.0
-    """The same of a or b of CIE Lab."""
+    """Difference of a or of b of CIE Lab over `reach_px` pixels that is an edge."""
     reach_px: int = 5
     dark: float = 0.35
     """Difference of brightness between a sliver of desk and the paper beside it."""

@@ -15,8 +15,6 @@ from services.arrays import Floats, Mask, Vector
 from services.imaging.grid_paths import SHIFT_COST, accumulate_to_row, trace_back
 from services.order_statistics import median, median_along
 
-GROUND_SHARE = 0.8
-"""Of the text's length, on which the grounds beside an edge must differ."""
 LONG_SIDE_PX = 700
 """Of the copy in which they are sought: the pixels below are its."""
 
@@ -90,10 +88,10 @@ class LongEdge:
         """Columns (N,) of the edge at `rows` (N,)."""
         return np.asarray(np.interp(rows, self.rows, self.columns))
 
-    def ground_differs(self, contrast: float) -> bool:
-        """Whether one side is brighter by `contrast` than the other on `GROUND_SHARE` of the text's length."""
+    def ground_differs(self, contrast: float, share: float) -> bool:
+        """Whether one side is brighter by `contrast` than the other on this `share` of the text's length."""
         difference = (self.left_ground - self.right_ground)[self.beside_text]
-        return bool(max((difference > contrast).mean(), (difference < -contrast).mean()) > GROUND_SHARE)
+        return bool(max((difference > contrast).mean(), (difference < -contrast).mean()) > share)
 
 
 def find_long_edges(

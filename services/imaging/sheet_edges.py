@@ -28,11 +28,13 @@ class SheetEdgesParameters:
     stack_step_px: float = 6.0
     """Edges of a stack are apart by this."""
     ground_contrast: float = 0.15
-    """A desk is brighter or darker by this along the text."""
+    """A desk is brighter or darker by this on the share `ground_share` of the text's length."""
+    ground_share: float = 0.8
     outer_percentile: float = 25.0
     """Of an edge's columns along the text, counted from outside: where a sloping edge is cut."""
     corner_px: float = 18.0
     """The upper and the lower edge meet the end of an upright one within this distance."""
+    min_characters: int = 30
     min_margin_px: int = 8
     beside_px: int = 20
     """Columns of the text that are used, with the margin, to measure the ground next to an edge."""
@@ -91,7 +93,7 @@ def find_sheet_edges(
     p = SheetEdgesParameters()
     height, width = view.shape[:2]
     text = text_points[np.isfinite(text_points).all(axis=1)]
-    if not len(text):
+    if len(text) < p.min_characters:
         return SheetEdges()
     brightness = log_brightness(view)
     shown = np.ones((height, width), bool) if seen is None else seen
@@ -145,8 +147,11 @@ def _innermost_edge(margin: _Margin, limit: float, p: SheetEdgesParameters) -> _
     for k in np.argsort(-places):
         beyond = margin.text[:, 0] < found[k].at(margin.text[:, 1])
         further = np.unique(np.floor((places[k] - places) / p.stack_step_px))
-        is_stack = (further > 0).sum() >= p.stack_edges
-        if not beyond.any() or is_stack or found[k].ground_differs(p.ground_contrast):
+        if (
+            not beyond.any()
+            or (further > 0).sum() >= p.stack_edges
+            or found[k].ground_differs(p.ground_contrast, p.ground_share)
+        ):
             outer = [edge for edge, place in zip(found, places, strict=True) if place <= places[k]]
             return _Edge(float(places[k]), tuple(e.first for e in outer), tuple(e.last for e in outer))
     return None

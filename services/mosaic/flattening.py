@@ -19,7 +19,7 @@ from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.pipeline import find_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_gray_view
-from services.rectify.view.flatness import measure_flatness
+from services.rectify.view.flatness import measure_flatness, not_flat
 from services.rectify.view.paper_end import find_paper_end
 from services.rectify.view.print_kept import sheet_print
 from services.sheet.plane.framing import FlatFrame
@@ -68,6 +68,8 @@ def flatten_photo(
         flatness = measure_flatness(page, frame)
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     error_percent = None if flatness is None else flatness.error_percent
+    if flatness is not None and not flatness.passes:
+        notices = (*notices, not_flat(flatness.error_percent))
     prior = requested_prior(page.view, known, exif_focal_length_px)
     if (
         page.shape.focal_source != prior.source
@@ -78,10 +80,11 @@ def flatten_photo(
 
 
 def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
-    """The photo of `flat` in another view of its page."""
+    """The photo of `flat` in another view of its page, which is not the one that was found to be not flat."""
     assert flat.page is not None
     again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight)
-    return replace(again, notices=flat.notices, sheet=flat.sheet, page=flat.page)
+    notices = tuple(notice for notice in flat.notices if notice.code != "not-flat")
+    return replace(again, notices=notices, sheet=flat.sheet, page=flat.page)
 
 
 def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:

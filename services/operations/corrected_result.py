@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from typing import cast
 
+from services.contract.boxes import are_one_place
 from services.contract.layout_learning import Correction
 from services.contract.result_json import ClassJson, FieldJson, LabelledZoneJson, ResultJson, WordJson
-from services.layout.learning.revised_zones import are_one_place
 from services.layout.page import Box, Page, Zone, ZoneWord
 from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
 from services.operations.corrected_tables import correct_tables

@@ -7,10 +7,10 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, field
 from typing import cast
 
+from services.contract.boxes import are_one_place, common_height, holds_middle
 from services.contract.fields import FieldSetting
 from services.contract.layout_learning import Correction
 from services.contract.result_json import CellJson, FoundCellJson, LabelledZoneJson, ResultJson, TableJson
-from services.layout.learning.revised_zones import are_one_place
 from services.layout.values.typed_value import find_value, plain_text
 
 _SAME_ROW = 0.3
@@ -74,7 +74,7 @@ def _is_found(zone: LabelledZoneJson, found: Sequence[LabelledZoneJson]) -> bool
 def _hold(tables: Sequence[TableJson], cells: Sequence[LabelledZoneJson]) -> bool:
     """Whether the tables have a cell of the same column in each of these, and so the rows around them."""
     return all(
-        any(cell is not None and label == zone["label"] and _is_inside(cell["box"], zone["box"])
+        any(cell is not None and label == zone["label"] and holds_middle(zone["box"], cell["box"])
             for table in tables for row in table["rows"] for label, cell in zip(table["columns"], row, strict=True))
         for zone in cells
     )  # fmt: skip
@@ -83,7 +83,7 @@ def _hold(tables: Sequence[TableJson], cells: Sequence[LabelledZoneJson]) -> boo
 def _take_away(tables: Sequence[_Table], zone: LabelledZoneJson) -> None:
     """Remove the cells in a zone with another label; a zone without a label takes those of one row."""
     inside = [
-        (row, [label for label, cell in row.items() if _is_inside(cell["box"], zone["box"])])
+        (row, [label for label, cell in row.items() if holds_middle(zone["box"], cell["box"])])
         for table in tables
         for row in table.rows
     ]
@@ -98,10 +98,12 @@ def _take_away(tables: Sequence[_Table], zone: LabelledZoneJson) -> None:
 def _put(tables: list[_Table], zone: LabelledZoneJson, correction: Correction) -> None:
     """Put a labelled cell in its row: the one most at its height that has none of his in the column, or a new one."""
     label, box, cell = cast(str, zone["label"]), zone["box"], _cell(zone, correction)
-    rows = [(_common_height(box, _hull(row)), table, row) for table in tables for row in table.rows if row]
+    rows = [(common_height(box, _hull(row)), table, row) for table in tables for row in table.rows if row]
     for _, table, row in rows:
         for other in [other for other, each in row.items() if id(each) not in table.given]:
-            if _is_inside(row[other]["box"], box) or (other == label and _is_inside(box, row[other]["box"])):
+            if holds_middle(box, row[other]["box"]) or (
+                other == label and holds_middle(row[other]["box"], box)
+            ):
                 replaced = row.pop(other)
                 if replaced["text"] != cell["text"]:
                     cell["found"] = FoundCellJson(text=replaced["text"], confidence=replaced["confidence"])
@@ -159,18 +161,6 @@ def _hull(row: Row) -> list[float]:
 def _hull_of(boxes: Sequence[Box]) -> list[float]:
     x0, y0, x1, y1 = zip(*boxes, strict=True)
     return [min(x0), min(y0), max(x1), max(y1)]
-
-
-def _is_inside(box: Box, other: Box) -> bool:
-    """Whether the middle of a box is in another one."""
-    x, y = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
-    return other[0] <= x <= other[2] and other[1] <= y <= other[3]
-
-
-def _common_height(box: Box, other: Box) -> float:
-    return (min(box[3], other[3]) - max(box[1], other[1])) / max(
-        1e-6, min(box[3] - box[1], other[3] - other[1])
-    )
 
 
 def _distance(box: Box, other: Box) -> float:

@@ -1,5 +1,6 @@
 """Reading of an image that nobody has turned: where it reads badly as it lies, it is turned and read again."""
 
+import time
 from dataclasses import dataclass
 
 from services.arrays import RgbImage
@@ -7,6 +8,7 @@ from services.imaging.channels import luminance
 from services.layout.pipeline import readable
 from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word, mean_confidence
+from services.ocr.lost_numbers import with_lost_numbers
 from services.ocr.softer_reading import improved, read_best, read_within
 from services.operations.page_reading import LIMIT_S, READING_CUT, read_in_time
 from services.rectify.results import Orientation
@@ -37,7 +39,9 @@ def read_as_it_lies(image: RgbImage, engine: OcrEngine | None) -> UprightReading
     if engine is None:
         return UprightReading(image, None)
     with read_in_time():
-        words, cut = read_best(readable(luminance(image)), engine, LIMIT_S)
+        even, ends_s = readable(luminance(image)), time.process_time() + LIMIT_S
+        words, cut = read_best(even, engine, LIMIT_S)
+        words = with_lost_numbers(even, words, engine, ends_s)
     return UprightReading(image, words, notices=_left_unread(cut))
 
 
@@ -45,7 +49,7 @@ def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
     """The reading of an image, turned if it reads better so."""
     if engine is None:
         return UprightReading(image, None)
-    even = readable(luminance(image))
+    even, ends_s = readable(luminance(image)), time.process_time() + LIMIT_S
     with read_in_time():
         words, cut = read_within(even, engine, LIMIT_S)
         confidence = mean_confidence(words)
@@ -54,11 +58,14 @@ def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
         else:
             found = estimate_orientation(even, engine)
         if found.rotation_deg or found.mirrored:
-            words, cut = read_best(apply_orientation(even, found), engine, LIMIT_S)
+            even, ends_s = apply_orientation(even, found), time.process_time() + LIMIT_S
+            words, cut = read_best(even, engine, LIMIT_S)
+            words = with_lost_numbers(even, words, engine, ends_s)
             image = apply_orientation(image, found)
             return UprightReading(image, words, found, (_turned(found), *_left_unread(cut)))
         if not cut:
             words = improved(even, engine, words, limit_s=LIMIT_S)
+        words = with_lost_numbers(even, words, engine, ends_s)
     return UprightReading(image, words, found, _left_unread(cut))
 
 

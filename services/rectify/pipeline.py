@@ -16,12 +16,12 @@ from services.imaging.normalization import normalize_illumination
 from services.imaging.reduction import Halves
 from services.notices import Notice
 from services.ocr.engine import OcrEngine
-from services.rectify.analysis.desk_texture import is_texture_beside
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import FoundText, find_text
 from services.rectify.analysis.outline_search import OutlineSearch
 from services.rectify.analysis.page_analysis import PageAnalysis, analyse_briefly, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
+from services.rectify.analysis.text_beside import text_beside
 from services.rectify.effort import BRIEF, WHOLE, Effort
 from services.rectify.page_description import describe_page
 from services.rectify.parameter_checks import check_parameters
@@ -265,9 +265,12 @@ class _Search:
             release_freed_memory()
             if region is None and not analysis.facing_page:
                 self.seek_outline(analysis)
-            if self.outline is not None and is_texture_beside(analysis, self.outline):
+            beside = text_beside(analysis, self.outline)
+            if self.outline is not None and beside == "texture":
                 on_sheet = tuple((float(x), float(y)) for x, y in self.outline.polygon)
                 analysis = analyse_photo(self.halves, on_sheet, clock=self.clock)
+            elif beside == "print":
+                self.outline = None
         # The outline of an opened book is not that of a single page.
         outline = None if analysis.facing_page else self.outline
         if may_be_flat(self.parameters):

@@ -50,7 +50,7 @@ AGAIN = (Stage(24, 3.0, 1.5, 1.5), Stage(24, 1.0, 1.0, 1.0))
 ROUNDS = 4
 """Most fits, each on lines traced again; the last ones only while lines are not straight and still improve."""
 IMPROVEMENT = 0.85
-"""Share of what was left before, above which another fit gains nothing: the median of 50 points is known to a sixth."""
+"""Share of the straightness before, above which another round gains nothing."""
 MIN_SEEN = 0.35
 """Share of each side that is seen."""
 END = 0.4

@@ -8,6 +8,8 @@ from services.geometry.photo_frame import PhotoFrame
 from services.sheet.developable.observations import NO_EDGES, SideObservations
 from services.sheet.outline.results import LEAST_POINTS, SheetOutline
 
+LEAST_PLACED = 0.9
+"""Share of the points that a map must place."""
 KEPT = 0.95
 """Share of the points, nearest to their lines, that are measured: the others may be notches."""
 
@@ -42,7 +44,7 @@ def measure_sides(page_map: PageMap, edges: SideObservations) -> float:
     """
     page = page_map.to_page(edges.points)
     known = np.asarray(np.isfinite(page).all(axis=1))
-    if not known.any():
+    if not len(page) or known.mean() < LEAST_PLACED:
         return float("nan")
     index, page = edges.index[known], page[known]
     along, across = lay_along(page, edges.upright[known])

@@ -71,10 +71,8 @@ def test_photos_arrive_whole_and_in_their_order(client: httpx.Client) -> None:
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        (
-            {},
-            "rectify=True, base=None, composition='selective', illumination='normalize', upright=True",
-        ),
+        ({}, "rectify=True, base=None, composition='selective', illumination='normalize'"),
+        ({}, "upright=True"),
         ({"rectify": "false"}, "rectify=False"),
         ({"base": "auto"}, "base=None"),
         ({"base": "1"}, "base=1"),

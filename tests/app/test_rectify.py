@@ -74,7 +74,8 @@ def test_embed_puts_the_image_into_the_json(client: httpx.Client) -> None:
 @pytest.mark.parametrize(
     ("data", "expected"),
     [
-        ({}, "kind='auto', upright=True, focal_length_px=None, region=None, illumination='keep'"),
+        ({}, "kind='auto', focal_length_px=None, region=None, illumination='keep'"),
+        ({}, "upright=True"),
         ({"kind": "curved"}, "kind='curved'"),
         ({"upright": "false"}, "upright=False"),
         ({"upright": "False"}, "upright=False"),

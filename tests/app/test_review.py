@@ -30,6 +30,21 @@ def queue(client: httpx.Client, **options: Any) -> list[dict[str, Any]]:
     return [{**entry, **entry["review"]} for entry in entries]
 
 
+@pytest.mark.parametrize(("dropped", "state"), [(0, "confirmed"), (1, "corrected")])
+def test_a_page_of_which_a_person_drops_a_zone_is_corrected(
+    client: httpx.Client, dropped: int, state: str
+) -> None:
+    result = recognize(client)
+    zones = client.get(f"/layout/results/{result}").json()["zones"]
+    given = [{key: zone[key] for key in ("id", "box", "label")} for zone in zones]
+    give(client, result, {"class": "letter", "zones": given[: len(given) - dropped]})
+    [entry] = client.get("/layout/results").json()["results"]
+    assert entry["state"] == state
+    client.delete(f"/layout/results/{result}/feedback")
+    [entry] = client.get("/layout/results").json()["results"]
+    assert entry["state"] == "open"
+
+
 def test_a_page_is_open_until_somebody_gives_feedback(client: httpx.Client) -> None:
     right, wrong, left = recognize(client), recognize(client), recognize(client)
     give(client, right, {"class": "letter"})

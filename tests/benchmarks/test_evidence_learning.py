@@ -10,13 +10,13 @@ from benchmarks.layout.protocols import make_model, recognized
 from services.layout.pipeline import content_features
 from services.layout.recognition.label_evidence import READ, UNREAD, LabelEvidence
 
-TRUE = np.array([0.4, 0.5, -0.3, 0.2, -0.6, 0.3])
+TRUE = np.array([0.4, 0.5, -0.3, 0.2, -0.6, 0.3, 0.2, -0.1])
 
 
 def drawn(zones: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Features, and labels that are right with the probability that `TRUE` gives."""
     rng = np.random.default_rng(seed)
-    features = np.hstack([np.ones((zones, 1)), rng.normal(0.0, 2.0, (zones, 5))])
+    features = np.hstack([np.ones((zones, 1)), rng.normal(0.0, 2.0, (zones, 7))])
     return features, rng.random(zones) < expit(features @ TRUE)
 
 
@@ -26,15 +26,15 @@ def test_known_weights_are_found_again() -> None:
 
 def test_features_without_a_weight_are_left_out() -> None:
     left_out = np.array(UNREAD.weights) == 0
-    assert left_out.tolist() == [False, False, False, False, True, False]
+    assert left_out.tolist() == [False, False, False, False, True, False, True, True]
     found = fit_weights([drawn(5_000, 3)], UNREAD)
-    assert found[left_out].tolist() == [0.0]
+    assert found[left_out].tolist() == [0.0, 0.0, 0.0]
     assert np.all(np.abs(found[~left_out]) > 0.05)
 
 
 def test_a_small_case_weighs_as_much_as_a_large_one() -> None:
     """A third of the labels of one case is right, of the other, which is a hundred times as large, two thirds."""
-    features = np.eye(6)[np.zeros(30_000, int)]
+    features = np.eye(8)[np.zeros(30_000, int)]
     small = features[:300], np.arange(300) % 3 == 0
     large = features, np.arange(30_000) % 3 > 0
     assert expit(fit_weights([small, large], READ)[0]) == pytest.approx(0.5, abs=1e-3)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from xml.etree.ElementTree import Element, SubElement
 
-from services.layout.exchange.item_cells import table_of_zone
+from services.layout.exchange.item_cells import outside_cells, table_of_zone
 from services.layout.exchange.xml_writing import (
     SOFTWARE,
     XSI,
@@ -56,7 +56,7 @@ def write_alto(recognition: Recognition, file_name: str, created: datetime, turn
     """
     page = recognition.page
     names = Names()
-    zones = ordered(recognition)
+    zones = outside_cells(ordered(recognition), recognition.tables)
     ids = [names.give(zone.zone.id) for zone in zones]
     page_id, space_id, step_id = names.give("page"), names.give("print-space"), names.give("recognition")
     tags = _Tags(names)

@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 
+from services.contract.boxes import area, common_area
 from services.layout.page import Box
+from services.layout.recognition.results import RecognizedZone
 from services.layout.tables.item_table import ItemTable
 
 _COVERED = 0.7
@@ -22,8 +24,17 @@ def table_of_zone(box: Box, tables: Sequence[ItemTable]) -> ItemTable | None:
     return around if around is not None and _share(around.box, box) >= _WHOLE else None
 
 
+def outside_cells(zones: Sequence[RecognizedZone], tables: Sequence[ItemTable]) -> list[RecognizedZone]:
+    """The zones that are no cells of a table: those that a person drew stand in the table already."""
+    return [each for each in zones if not _is_cell(each, tables)]
+
+
+def _is_cell(zone: RecognizedZone, tables: Sequence[ItemTable]) -> bool:
+    around = table_around(zone.zone.box, tables)
+    is_table = table_of_zone(zone.zone.box, tables) is not None
+    return around is not None and not is_table and zone.label in around.columns
+
+
 def _share(box: Box, other: Box) -> float:
     """Of a box, how much of it lies in the other one."""
-    across = min(box[2], other[2]) - max(box[0], other[0])
-    down = min(box[3], other[3]) - max(box[1], other[1])
-    return max(0.0, across) * max(0.0, down) / max(1.0, (box[2] - box[0]) * (box[3] - box[1]))
+    return common_area(box, other) / max(1.0, area(box))

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from xml.etree.ElementTree import Element, SubElement
 
-from services.layout.exchange.item_cells import table_of_zone
+from services.layout.exchange.item_cells import outside_cells, table_of_zone
 from services.layout.exchange.page_xml_custom import write_custom
 from services.layout.exchange.xml_writing import (
     SOFTWARE,
@@ -92,7 +92,7 @@ def write_page_xml(recognition: Recognition, file_name: str, created: datetime, 
     element = SubElement(root, "Page", attributes)
 
     names = Names()
-    zones = ordered(recognition)
+    zones = outside_cells(ordered(recognition), recognition.tables)
     ids = [names.give(zone.zone.id) for zone in zones]
     if zones:
         group = SubElement(

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from services.contract.boxes import are_one_place, area, common_area, holds_middle
 from services.layout.page import Box, Page, Zone, ZoneWord
 
-_SAME_PX = 1.0
-"""Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
 _COVERED = 0.5
 """Least share of a line's width within the drawn zone."""
 
@@ -28,11 +27,6 @@ def revise_zones(page: Page, drawn: Page) -> Page:
     return replace(drawn, zones=tuple(_revised(zone, page) for zone in drawn.zones))
 
 
-def are_one_place(first: Sequence[float], second: Sequence[float]) -> bool:
-    """Whether two boxes in pixels are of one zone."""
-    return max(abs(a - b) for a, b in zip(first, second, strict=True)) <= _SAME_PX
-
-
 def zone_at(box: Sequence[float], found: Sequence[Zone]) -> Zone | None:
     """The found zone whose place a box has; None where it has that of none."""
     return next((zone for zone in found if are_one_place(zone.box, box)), None)
@@ -40,21 +34,21 @@ def zone_at(box: Sequence[float], found: Sequence[Zone]) -> Zone | None:
 
 def is_text_known(page: Page, box: Box) -> bool:
     """Whether the zones of a page say what is read in a box: not where they have a text and its words have no place."""
-    under = [zone for zone in page.zones if zone.text and _common_area(zone.box, box) > 0]
+    under = [zone for zone in page.zones if zone.text and common_area(zone.box, box) > 0]
     if not under or zone_at(box, page.zones) is not None:
         return True
     return any(zone.words or any(_lines_within(zone, box)) for zone in under)
 
 
 def _revised(drawn: Zone, page: Page) -> Zone:
-    under = [(zone, area) for zone in page.zones if (area := _common_area(zone.box, drawn.box)) > 0]
+    under = [(zone, common) for zone in page.zones if (common := common_area(zone.box, drawn.box)) > 0]
     same = zone_at(drawn.box, page.zones)
     if same is not None:
         return _with_given(replace(same, id=drawn.id, label=drawn.label), drawn)
     if not under:
         rows = _rows_within(page.loose, drawn.box)
         return _with_given(replace(drawn, text=_text(rows), words=_words(rows)), drawn)
-    nearest = max(under, key=lambda each: each[1] / (_area(each[0].box) + _area(drawn.box) - each[1]))[0]
+    nearest = max(under, key=lambda each: each[1] / (area(each[0].box) + area(drawn.box) - each[1]))[0]
     rows = [row for zone, _ in under for row in _rows_within(zone.words, drawn.box)]
     lines = [line for zone, _ in under if not zone.words for line in _lines_within(zone, drawn.box)]
     if not rows and not any(lines):
@@ -96,8 +90,7 @@ def _rows_within(words: Sequence[ZoneWord], box: Box) -> list[list[ZoneWord]]:
     """The words whose centres lie in a box, by rows; a value in a line is a part of the zone."""
     rows: dict[int, list[ZoneWord]] = {}
     for word in words:
-        x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
-        if box[0] <= x <= box[2] and box[1] <= y <= box[3]:
+        if holds_middle(box, word.box):
             rows.setdefault(word.line, []).append(word)
     return list(rows.values())
 
@@ -126,17 +119,9 @@ def _lines_within(zone: Zone, box: Box) -> list[str]:
     return [text for text, middle in zip(texts, middles, strict=True) if box[1] <= middle < box[3]]
 
 
-def _area(box: Box) -> float:
-    return (box[2] - box[0]) * (box[3] - box[1])
-
-
-def _common_area(first: Box, second: Box) -> float:
-    width = min(first[2], second[2]) - max(first[0], second[0])
-    height = min(first[3], second[3]) - max(first[1], second[1])
-    return max(width, 0.0) * max(height, 0.0)
-
-
 def _mean(under: Sequence[tuple[Zone, float]], name: str) -> float | None:
     """Mean of a property over the found zones that have it, weighted by common area."""
-    known = [(getattr(zone, name), area) for zone, area in under if getattr(zone, name) is not None]
-    return sum(value * area for value, area in known) / sum(area for _, area in known) if known else None
+    known = [(getattr(zone, name), common) for zone, common in under if getattr(zone, name) is not None]
+    return (
+        sum(value * common for value, common in known) / sum(common for _, common in known) if known else None
+    )

@@ -36,11 +36,12 @@ NO_DRAWING = LineDrawing(is_border=False, cells=0)
 
 
 def read_drawing(own: NDArray[np.bool_]) -> LineDrawing:
-    """The drawing that the pixels `own` (h, w) of one component show in its box."""
+    """The drawing that the pixels `own` (h, w) of one component show in its box.
+
+    The caller has seen to `LEAST_SIDE_PX` and `MOST_INK`.
+    """
     height, width = own.shape
     ink = int(np.count_nonzero(own))
-    if min(height, width) < LEAST_SIDE_PX or ink > MOST_INK * height * width:
-        return NO_DRAWING
     image = own.astype(np.uint8)
     along, upright = (
         cv2.morphologyEx(image, cv2.MORPH_OPEN, np.ones(shape, np.uint8))

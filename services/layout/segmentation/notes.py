@@ -9,7 +9,7 @@ from services.layout.segmentation.components import Indices
 from services.layout.segmentation.entries import WIDEST_LABEL
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.text_lines import Line
-from services.layout.segmentation.typical_print import EDGE_SLACK, LEAST_SPACE, WEIGHT_STEP, WIDEST_VALUE
+from services.layout.segmentation.typical_print import EDGE_SLACK, LEAST_SPACE, WIDEST_VALUE
 
 _SHORTEST_NOTE = 4.8
 """A first line this short at the foot of a letter's text ("JRB:tc", "Encl.") is no name or place."""
@@ -46,15 +46,11 @@ def note_starts(
                 ends = head + 1 + int(np.argmin(np.append(~at_edge[head + 1 :], False)))
                 if len(run) and ends < len(own):
                     starts[ends] = True
-    first, second = own[0], own[1]
+    first = own[0]
     short = first.width < _SHORTEST_NOTE * first.em and at_edge[0] and at_edge[1]
-    if short and first.box[1] > foot and _weight(first) < WEIGHT_STEP * _weight(second):
+    if short and first.box[1] > foot:
         starts[1] = True
     return np.flatnonzero(starts)
-
-
-def _weight(line: Line) -> float:
-    return line.stroke / line.em
 
 
 def _word_starts(line: Line, components: InkComponents) -> NDArray[np.float64]:

@@ -127,10 +127,9 @@ def _are_items(lines: Sequence[Line], a: int, b: int, marks: NDArray[np.float64]
     """Whether two short lines are items of a list: they have similar marks one below the other, at any distance."""
     em = max(lines[a].em, lines[b].em)
     even = abs(lines[a].box[0] - lines[b].box[0]) < EDGE_SLACK * em
-    near = lines[b].baseline - lines[a].baseline < ROW_REACH * em
-    near &= max(lines[a].width, lines[b].width) < WIDEST_VALUE * em
+    short = max(lines[a].width, lines[b].width) < WIDEST_VALUE * em
     alike = min(marks[a], marks[b]) > 0 and max(marks[a], marks[b]) < 1.3 * min(marks[a], marks[b])
-    return bool(even and near and alike and em < UNRELIABLE_STEP * min(lines[a].em, lines[b].em))
+    return bool(even and short and alike)
 
 
 def _is_odd_one(above: Line, line: Line, below: Line) -> bool:

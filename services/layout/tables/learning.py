@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import reduce
 
+from services.contract.boxes import common_height, holds_middle
 from services.layout.page import Box, Page, ZoneWord
 from services.layout.tables.cell_numbers import number_of, size_of
 from services.layout.tables.column_products import count_products
@@ -90,17 +91,7 @@ def labelled_rows(page: TablePage) -> list[LabelledRow]:
 
 def _inside(words: Sequence[ZoneWord], box: Box) -> tuple[ZoneWord, ...]:
     """The words whose middle is in a box."""
-
-    def is_inside(word: ZoneWord) -> bool:
-        x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
-        return box[0] <= x <= box[2] and box[1] <= y <= box[3]
-
-    return tuple(word for word in words if is_inside(word))
-
-
-def common_height(a: Box, b: Box) -> float:
-    """Common height of two boxes as a share of the lower one's; negative where they have none."""
-    return (min(a[3], b[3]) - max(a[1], b[1])) / max(1e-6, min(a[3] - a[1], b[3] - b[1]))
+    return tuple(word for word in words if holds_middle(box, word.box))
 
 
 def _hull(a: Box, b: Box) -> Box:

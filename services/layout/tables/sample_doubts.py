@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
+from services.contract.boxes import common_height
 from services.layout.page import Box
-from services.layout.tables.learning import TablePage, common_height, labelled_rows
+from services.layout.tables.learning import TablePage, labelled_rows
 from services.notices import Notice
 
 _ONE_LINE = 0.5
@@ -17,7 +18,8 @@ def doubts_of_samples(pages: Sequence[TablePage], items: Sequence[str]) -> list[
     having, alone = Counter[str](), Counter[str]()
     for page in pages:
         having.update({label for label, _ in page.cells})
-        if len(items) > 1:
+    for page in pages:
+        if len(having) > 1:  # where one column has cells at all, each is alone in its row
             alone.update({label for row in labelled_rows(page) if len(row) == 1 for label in row})
     found = [
         Notice(

@@ -24,8 +24,9 @@ from services.texture_flow.text_identification import (
 
 # Working sizes of the analysis, and its least input.
 LEAST_SIDE_PX = 700
-"""Smaller photos are enlarged for that, to `ENLARGED_SIDE_PX`: their letters touch."""
+"""Smaller photos are enlarged for that, to `enlarged_side_px` or by `most_enlargement`: their letters touch."""
 ENLARGED_SIDE_PX = 1000
+MOST_ENLARGEMENT = 3.0
 STROKE_TEXT_HEIGHT_PX = 20.0
 """Minor flow: above this text height, strokes gain nothing from more pixels."""
 STRAY_SHARE = 0.005
@@ -105,7 +106,7 @@ def find_text(
     gray = luminance(halves.image)
     factor = min(1.0, p.long_side_px / max(gray.shape))
     if max(gray.shape) < LEAST_SIDE_PX:
-        factor = ENLARGED_SIDE_PX / max(gray.shape)
+        factor = min(ENLARGED_SIDE_PX / max(gray.shape), MOST_ENLARGEMENT)
     seen = reduce_image(gray, factor) if factor <= 1 else enlarge_image(gray, factor)
     light = reduced_light(seen)
     reduced = divide_by_light(seen, light)

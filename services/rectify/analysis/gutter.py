@@ -34,6 +34,9 @@ SLOPE_STEPS = 33
 PAGE_GAP = 5.0
 """Least gap between two pages, as `row_gap` measures it: two margins. On simulated photos columns have 0.9 to 4.5, two
 pages 5.1 to 12."""
+CLOSE_GAP = 4.0
+"""Least gap where the gutter is as dark as `close_dip`: in thick books the margins bend down into it."""
+CLOSE_DIP = 0.25
 LEAST_BAND = 3.5
 """Least width of a straight band without text in the gap: headings and formulas extend into the margins."""
 STRAY_SHARE = 0.003
@@ -45,6 +48,8 @@ LIKELY_SHARE = 0.6
 DIP = 0.1
 """A gutter is darker than the paper on both sides by this, at least. Simulated ones are by 0.26 to 1.1; gaps on
 creased sheets, at which lines turn as they do at a gutter, by 0.03."""
+TURN_RAD = float(np.deg2rad(4.0))
+"""Where several gaps are dark, a turn of the lines by this says as much as `dip`."""
 CLEAR_GAP = 1.5
 """A gutter that is not dark is wider than all other gaps by this factor: columns have gaps of one width."""
 CENTRAL = 0.1
@@ -59,12 +64,13 @@ PAPER_PERCENTILE = 75.0
 class Gutter:
     """The line between two pages: `line` (2, 2) in photo pixels; `right` (N,) marks the characters beyond it.
 
-    `dip` is how much darker it is than the paper on both sides.
+    `dip` is how much darker it is than the paper on both sides, `jump_rad` how much the text lines turn at it.
     """
 
     line: Points
     right: NDArray[np.bool_]
     dip: float
+    jump_rad: float
 
 
 def row_gap(distances: Vector, rows: Vector, text_height: float) -> float:
@@ -123,12 +129,12 @@ def _continue_directions(away: Vector, rows: Vector, flow: FlowSamples) -> tuple
 
 
 def find_gutter(
-    photo: RgbImage, characters: Points, text_height: float, direction_rad: float
+    photo: RgbImage, characters: Points, text_height: float, flow: FlowSamples, direction_rad: float
 ) -> Gutter | None:
     """Find the gutter of an opened book: a dark straight line in a gap between the text of two pages.
 
-    Of several dark gaps the darkest one is returned. Where none is dark, as in flat scans, it is the widest gap, if
-    this divides the photo into two parts like pages.
+    Of several dark gaps the one with most evidence is returned: its darkness, and the turn of the text lines at it.
+    Where none is dark, as in flat scans, it is the widest gap, if this divides the photo into two parts like pages.
 
     Parameters
     ----------
@@ -138,6 +144,8 @@ def find_gutter(
         (N, 2) centres in photo pixels.
     text_height
         Size of the characters in pixels.
+    flow
+        Major flow in photo pixels.
     direction_rad
         Mean direction of the text lines; the gutter is across it.
 
@@ -148,7 +156,7 @@ def find_gutter(
     """
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
     turn = np.array([[cos, sin], [-sin, cos]])
-    at = characters @ turn.T
+    at, samples = characters @ turn.T, flow.points @ turn.T
     found = _gaps(at, text_height)
     if not found:
         return None
@@ -161,18 +169,19 @@ def find_gutter(
         if high - low < LIKELY_SHARE * widest:
             continue
         place, dip = _darkest(brightness, factor, turn, slope, (low, high), at)
-        away = at[:, 0] - slope * at[:, 1] - place
+        away, across = (v[:, 0] - slope * v[:, 1] - place for v in (at, samples))
         gap = row_gap(away, at[:, 1], text_height)
         widths.append(gap)
-        if gap < PAGE_GAP:
+        if gap < (CLOSE_GAP if dip > CLOSE_DIP else PAGE_GAP):
             continue
+        jump = direction_jump(across, samples[:, 1], flow, text_height)
         reach = float(np.hypot(*photo.shape[:2]))
         ends = np.array([at[:, 1].min() - reach, at[:, 1].max() + reach])
         line = np.column_stack([place + slope * ends, ends]) @ turn
-        gutters.append((gap, Gutter(np.asarray(line), np.asarray(away > 0), dip)))
+        gutters.append((gap, Gutter(np.asarray(line), np.asarray(away > 0), dip, jump)))
     dark = [gutter for _, gutter in gutters if gutter.dip > DIP]
     if dark:
-        return max(dark, key=lambda gutter: gutter.dip)
+        return max(dark, key=lambda gutter: gutter.dip / DIP + gutter.jump_rad / TURN_RAD)
     clear = [gutter for gap, gutter in gutters if np.isfinite(gap) and _is_widest(gap, widths)]
     frame = np.array([[0, 0], [photo.shape[1], 0], [0, photo.shape[0]], photo.shape[1::-1]]) @ turn.T
     return next((gutter for gutter in clear if _divides_pages(gutter.line @ turn.T, at, frame)), None)

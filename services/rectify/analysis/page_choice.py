@@ -2,9 +2,10 @@
 
 A photo of an opened book shows part of the facing page, whose text has another direction and lies on another surface.
 Text is taken to lie on two pages only if there is a long edge of brightness between them (a gutter, a shadow, the rim
-of a page) that continues beyond the text, a second sign (the lines change their direction across it, or the text beyond
-it is cut off by the end of the photo), and two margins between them. Flat columns have no such edge; columns of a page
-that is bent strongly between them are set closer together.
+of a page) that continues beyond the text, and a second sign: the lines change their direction across it, or the text
+beyond it is cut off by the end of the photo. Flat columns have neither. Columns of a page that is bent strongly between
+them, or in whose gutter a shadow ends, may have all three; but they are set closer together than two pages, between
+which there are two margins.
 """
 
 from dataclasses import dataclass
@@ -52,7 +53,12 @@ FEW_ON_DESK = 0.1
 """Neither is a smaller share that does not lie on paper like the main page's."""
 FEW_CONTRAST = 0.3
 """Few characters are left out when the ground beyond the edge differs by this from the paper before it."""
+CONTRAST_SHARE = 0.8
+CUT_CONTRAST = 0.1
+"""Least contrast of an edge, if the text beyond it is cut off by the end of the photo."""
 JUMP_RAD = float(np.deg2rad(8.0))
+COLUMN_JUMP_RAD = float(np.deg2rad(30.0))
+"""Unless the lines change their direction by this: bent columns show up to 24 degrees."""
 CUT_SHARE = 0.3
 """Of a page's lines that are cut off."""
 CUT_WORTH = 0.5
@@ -151,7 +157,7 @@ def choose_page(
     everything = np.ones(len(characters), bool)
     choice = _divide(everything, divides, text, paper)
     if is_spread and not choice.facing_page:
-        gutter = find_gutter(halves.image, characters, text_height_px, direction)
+        gutter = find_gutter(halves.image, characters, text_height_px, major, direction)
         choice = choice if gutter is None else _split(gutter, choice.kept, text)
     if choice.facing_page:
         # Characters beyond the facing page's own edges are not on it.
@@ -177,7 +183,7 @@ def _divide(candidates: Chosen, divides: list[_Divide], text: _Text, paper: Pape
             continue
         on_paper = float(paper.holds(text.characters[other], SAME_PAPER).mean()) >= SAME_PAPER_SHARE
         is_few = other.sum() <= (FEW if on_paper else FEW_ON_DESK) * len(candidates)
-        if is_few and divides[k].edge.ground_differs(FEW_CONTRAST):
+        if is_few and divides[k].edge.ground_differs(FEW_CONTRAST, CONTRAST_SHARE):
             kept &= ~other
         elif not is_few and _is_another_page(divides[k], other, text):
             kept &= ~other
@@ -284,8 +290,11 @@ def _worth(side: Chosen, text: _Text) -> float:
 
 
 def _is_another_page(divide: _Divide, other: Chosen, text: _Text) -> bool:
-    """Whether two margins are between the texts, and lines change their direction there or are cut off beyond."""
-    if row_gap(divide.characters, divide.character_rows, text.height) < PAGE_GAP:
-        return False
+    """Whether the lines change their direction at the edge, or those beyond it are cut off."""
     jump = direction_jump(divide.samples, divide.sample_rows, text.major, text.height)
-    return jump > JUMP_RAD or _at_end_of_photo(other, text) > CUT_SHARE
+    if row_gap(divide.characters, divide.character_rows, text.height) < PAGE_GAP:
+        return jump > COLUMN_JUMP_RAD
+    if jump > JUMP_RAD:
+        return True
+    cut_off = _at_end_of_photo(other, text) > CUT_SHARE
+    return cut_off and divide.edge.ground_differs(CUT_CONTRAST, CONTRAST_SHARE)

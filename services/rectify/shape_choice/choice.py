@@ -41,7 +41,7 @@ explained none of these better. Those that it did had 0.00077 and more, or bent 
 FLAT_SIDES = 0.004
 """The same, up to which a smooth sheet is believed against an outline that may be that of a stack of pages."""
 CURVED_GAIN = 0.7
-"""Another shape must bring the deviation of lines or sides, or the error of its view, below this share."""
+"""A bent sheet must bring the deviation of lines or sides below this share of the plane's."""
 SMOOTH_SIDES = 0.001
 """The same, from which on a sheet is not smooth."""
 PLANE_SIDES = 0.5
@@ -50,6 +50,9 @@ straight lines. Of 30 sheets planes left 0.8 to 3.1 times it."""
 CREASED_GAIN = 0.5
 """The creased sheet must bring the product of both below this share of a smooth sheet's, and must not
 leave its lines less straight by more than tracing them twice does."""
+FLOW_GAIN = 0.4
+"""Where the lines are straight already, a bent sheet must bring the deviation of the flows below this share of the
+plane's: flows of sparse print are unreliable."""
 
 
 def rank_shapes(
@@ -121,6 +124,8 @@ def _choose_bent(found: Hypotheses, *, forced: bool) -> PageShape | None:
     smooth = found.smooth
     if smooth is None and (not found.certain_outline or found.creased is None):
         smooth = found.smooth_by_text
+    if smooth is not None and _text_contradicts_sides(smooth, found):
+        smooth = found.smooth_by_text
     if smooth is not None and _is_smooth(smooth, found):
         return smooth if forced or _explains_more(smooth, found) else None
     creased = found.creased
@@ -138,6 +143,16 @@ def _is_smooth(smooth: CurvedPage, found: Hypotheses) -> bool:
     if sides < STRAIGHT_SIDES and not smooth.line_straightness > STRAIGHT:
         return True
     return sides < EVEN_SIDES and measure_straightness(smooth.page_map, found.profiles_in(smooth)) < STRAIGHT
+
+
+def _text_contradicts_sides(smooth: CurvedPage, found: Hypotheses) -> bool:
+    """Whether text alone leaves clearly straighter lines than text and sides together: the outline is no sheet's."""
+    if found.outline is None or found.certain_outline or not smooth.line_straightness >= STRAIGHT:
+        return False
+    by_text = found.smooth_by_text
+    return by_text is not None and by_text.line_straightness < CURVED_GAIN * measure_straightness(
+        smooth.page_map, by_text.lines
+    )
 
 
 def _needs_creases(creased: RidgedPage, smooth: CurvedPage, found: Hypotheses) -> bool:
@@ -177,7 +192,7 @@ def _straighter(creased: RidgedPage, found: Hypotheses) -> bool:
 def _explains_more(smooth: CurvedPage, found: Hypotheses) -> bool:
     """Whether the smooth sheet leaves clearly straighter lines or sides than the plane.
 
-    Not if the plane leaves them straight, or there are too few lines: flows of sparse print are unreliable.
+    If the plane leaves them straight, or there are too few lines, the flows must decide clearly.
     """
     enough = smooth.line_count >= FEW_LINES // 2
     # Every plane leaves at least this much: it maps straight lines to straight lines.
@@ -192,6 +207,6 @@ def _explains_more(smooth: CurvedPage, found: Hypotheses) -> bool:
         if not left > STRAIGHT or left <= found.plane_straightness:
             return True
     if not enough or not found.plane_straightness >= STRAIGHT:
-        return False
+        return not found.plane.sides_believed and smooth.deviation < FLOW_GAIN * found.plane.deviation
     straighter = smooth.line_straightness < CURVED_GAIN * found.plane_straightness
     return straighter and smooth.deviation < found.plane.deviation

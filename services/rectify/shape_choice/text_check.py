@@ -13,6 +13,8 @@ SHEET_CONFIDENCE = 0.9
 CLEAR_SHARE = 0.3
 """Of the characters, at `CHARACTERS_PER_LINE` of them in each traced line: more are text without a closer look."""
 CHARACTERS_PER_LINE = 10
+PAPER_SHARE = 0.4
+"""Of the photo, at least, is like the paper of such a page: tiles are on all kinds of ground."""
 CLEAR_INK = 0.5
 """Share of the ink, at most, that is no text on such a page."""
 
@@ -33,7 +35,7 @@ def refusal_of_text(
     lines = shape.line_count
     clear = lines >= FEW_LINES and analysis.text.rejected_fraction <= CLEAR_INK
     clear &= CHARACTERS_PER_LINE * lines >= CLEAR_SHARE * len(analysis.characters)
-    if clear or is_level_in_view(evidence, shape):
+    if (clear and analysis.paper.share >= PAPER_SHARE) or is_level_in_view(evidence, shape):
         return None
     return (
         "what looks like print forms no straight lines, and no sheet's edges are seen. "

@@ -13,12 +13,12 @@ from services.contract.rectify import Crop, RectifyParameters
 from services.geometry.page_frame import Frame, restore_detail
 from services.notices import Notice
 from services.rectify.effort import WHOLE, Effort
-from services.rectify.shape_choice.choice import CURVED_GAIN
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.held_corners import end_at_corners, hold_corners
 from services.rectify.view.paper_end import find_paper_end
 from services.rectify.view.print_kept import (
+    count_cut_letters,
     grow_to_print,
     kept_print,
     print_notices,
@@ -26,6 +26,9 @@ from services.rectify.view.print_kept import (
     sheet_print,
 )
 from services.rectify.view.sheet_cut import cut_view
+
+CLEARLY_FLATTER = 0.7
+"""The next shape is taken where its error is below this share of the first one's."""
 
 STRAIGHT_LINES = 0.06
 """RMS deviation of text lines from level ones, in text heights, that is hardly seen: flat pages have 0.04. The next
@@ -82,13 +85,13 @@ def best_view(
 
 def _is_straighter(again: Flatness, first: Flatness) -> bool:
     """Whether the second view has clearly straighter lines."""
-    return (again.line_straightness or np.inf) < CURVED_GAIN * (first.line_straightness or 0.0)
+    return (again.line_straightness or np.inf) < CLEARLY_FLATTER * (first.line_straightness or 0.0)
 
 
 def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
     """Whether the second view has a smaller error to expect, and lines that are as straight or straight enough."""
     straight = max(first.line_straightness or 0.0, STRAIGHT_LINES)
-    smaller = again.shown_percent < CURVED_GAIN * first.shown_percent
+    smaller = again.shown_percent < CLEARLY_FLATTER * first.shown_percent
     return smaller and (again.line_straightness or 0.0) <= straight
 
 
@@ -109,14 +112,14 @@ def judge_view(
     if framed is not None:
         framed(page, frame, white)
     kept = kept_print(frame, boxes, white)
-    size = (photo.shape[1], photo.shape[0])
+    cut_letters = 0 if effort.is_brief else count_cut_letters(page, boxes)
     return JudgedView(
         page,
         frame,
         white,
         None if effort.is_brief else measure_flatness(page, frame),
         share_kept(boxes, kept),
-        print_notices(boxes, kept, size, page.text_height_px),
+        print_notices(kept, cut_letters),
     )
 
 

@@ -145,13 +145,17 @@ class DevelopableSurface:
         return np.asarray(self.slopes[0] + 2 * self.slopes[1] * s)
 
     def to_sheet(self, page: Points) -> Points:
-        """(s, t) of page points (u, v), each (N, 2)."""
+        """(s, t) of page points (u, v), each (N, 2).
+
+        The ruling through (a, b) is the root of s + b w(s) = a whose growth ds/da is positive:
+        s = 2 a / (g + sqrt(g^2 + 4 a b w2)) with g = 1 + b w1 and w(s) = w1 s + w2 s^2. Where the square root has no
+        real value no ruling passes; the point is then given to the ruling at which the others cross.
+        """
         c, d = np.cos(self.skew_rad), np.sin(self.skew_rad)
         a, b = c * page[:, 0] - d * page[:, 1], d * page[:, 0] + c * page[:, 1]
-        s = a / _away_from_zero(1 + b * self.slopes[0])
-        if self.slopes[1]:
-            for _ in range(4):
-                s = s - (s + b * self.slope(s) - a) / _away_from_zero(1 + b * self.slope_rate(s))
+        at_origin = 1 + b * self.slopes[0]
+        growth = np.sqrt(np.maximum(at_origin**2 + 4 * a * b * self.slopes[1], 0.0))
+        s = 2 * a / _away_from_zero(at_origin + growth)
         return np.stack([s, b], axis=1)
 
     def from_sheet(self, sheet: Points) -> Points:

@@ -39,6 +39,8 @@ class CornerParameters:
     """Of a side, next to a corner: rounded, and left out."""
     smooth: float = 0.0012
     """Of a side: residual (RMS) up to which a piece of it counts as smooth."""
+    notch: float = 0.005
+    """Of a side: where the edge is further from a smooth side, the smooth side is tried too."""
     kept: float = 0.7
     """Share of a piece that must be near its parabola."""
     reach: float = 0.06

@@ -10,13 +10,14 @@ import numpy as np
 
 from services.arrays import Floats, Mask, Points
 from services.sheet.outline.corners import meet
-from services.sheet.outline.results import LEAST_POINTS, SheetOutline, SheetSide
+from services.sheet.outline.results import SheetOutline, SheetSide
 
 
 @dataclass(frozen=True, slots=True)
 class CutCornerParameters:
     """Lengths are shares of the side's length."""
 
+    min_points: int = 20
     straight: float = 0.002
     """Points of the straight part lie within this: edges of flat sheets leave 0.0003."""
     far: float = 0.01
@@ -54,7 +55,7 @@ def end_before_cut_corners(outline: SheetOutline) -> SheetOutline:
 def _straight_part(points: Points, p: CutCornerParameters) -> Mask | None:
     """Which points (N,) lie on the straight part of a side, if it has one that ends in kinks; all if nothing is cut."""
     count = len(points)
-    if count < LEAST_POINTS:
+    if count < p.min_points:
         return None
     length = float(np.linalg.norm(points[-1] - points[0]))
     first, last = np.triu_indices(count, k=count // 3)
@@ -97,7 +98,7 @@ def _part_of(side: SheetSide, kept: Mask) -> SheetSide:
 def _corner(before: SheetSide, after: SheetSide, polygon: Points, p: CutCornerParameters) -> Floats:
     """Where the lines of two sides (2,) meet; NaN where they do not near the sheet."""
     nowhere = np.full(2, np.nan)
-    if min(len(before.points), len(after.points)) < LEAST_POINTS:
+    if min(len(before.points), len(after.points)) < p.min_points // 2:
         return nowhere
     lines = []
     for points in (before.points[-(len(before.points) // 2) :], after.points[: len(after.points) // 2]):

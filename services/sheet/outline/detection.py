@@ -48,10 +48,6 @@ SAME_PX = 2.0
 sought that far to either side ..."""
 SAME_SHARE = 0.9
 """... and where this share of it is, and nothing is four times as far off, a believed outline is the better one."""
-TRIED_IN_VAIN = 3
-HOPEFUL_CONFIDENCE = 0.3
-"""After so many candidates without one of this confidence no others are measured: of 78 photos with a believed outline
-all have had one by then."""
 DENSER = 8
 """Points of a curve that others are compared with, for each of its own."""
 
@@ -115,9 +111,7 @@ def find_outline(
     medium = medium_photo(halves)
     best: SheetOutline | None = None
     found: list[cKDTree] = []
-    for number, candidate in enumerate(sought):
-        if number >= TRIED_IN_VAIN and (best is None or best.confidence < HOPEFUL_CONFIDENCE):
-            break
+    for candidate in sought:
         if any(_is_same(candidate, known) for known in found):
             continue
         outline = measure_candidate(halves.image, reduced, medium, candidate, p)

@@ -15,6 +15,8 @@ from services.sheet.outline.reduced_photo import ReducedPhoto
 class PrintPlaceParameters:
     """Which characters are accepted, and where the middle of the sheet is searched."""
 
+    least_characters: int = 10
+    """With fewer there is no print to start from."""
     radius: float = 0.02
     """Of the photo's long side: print extends this far around its characters."""
     like_print: float = 0.1
@@ -45,7 +47,7 @@ def place_print(reduced: ReducedPhoto, characters: Points | None) -> PrintPlace:
     """Place of the print; without print, an ellipse in the middle of the photo."""
     p = PrintPlaceParameters()
     height, width = reduced.colors.shape[:2]
-    if characters is None:
+    if characters is None or len(characters) < p.least_characters:
         x0, y0, x1, y1 = reduced.window
         middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
         core = _ellipse((height, width), middle, np.diag([x1 - x0, y1 - y0]) * p.middle)

@@ -29,6 +29,8 @@ class ReductionParameters:
     """... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
     band_level: int = 10
     """Brightness of padding at most; JPEG leaves some."""
+    band_difference: int = 2
+    """Pixels of the reduced photo by which the bands on both sides differ at most."""
     band_share: float = 0.85
     """Share of a band's border at which the photo begins at the same row or column."""
 
@@ -123,7 +125,7 @@ def _resized(image: RgbImage, width: int, height: int) -> RgbImage:
 def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, int, int]:
     """First and last column and row that are not in a black band.
 
-    Bands are as long as the photo, and what follows them begins everywhere at once;
+    Bands are as long as the photo and equally wide on both sides, and what follows them begins everywhere at once;
     a sheet on a black ground does not.
     """
     dark = small.max(axis=2) <= p.band_level
@@ -142,6 +144,6 @@ def _trimmed(dark: Mask, p: ReductionParameters) -> tuple[int, int]:
     first, last = int(lit[0]) + 1, int(lit[-1]) - 1
     widths = (first - 1, count - 2 - last)
     begins = [(~dark[:, at]).mean() >= p.band_share for at in (min(first, last), max(first, last))]
-    if min(widths) < 1 or not all(begins):
+    if min(widths) < 1 or abs(widths[0] - widths[1]) > p.band_difference or not all(begins):
         return 0, count - 1
     return first, last

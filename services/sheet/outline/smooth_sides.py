@@ -4,7 +4,7 @@ import numpy as np
 
 from services.arrays import Points, Vector
 from services.robust import fit_reweighted, geman_mcclure_weights, robust_scale
-from services.sheet.outline.corners import Corners, meet
+from services.sheet.outline.corners import CornerParameters, Corners, meet
 from services.sheet.outline.edges import EdgePoints
 
 LEAST_SCALE_PX = 0.3
@@ -14,12 +14,13 @@ LEAST_SCALE_PX = 0.3
 def smooth_sides(edge: EdgePoints, corners: Corners) -> list[Points] | None:
     """Four cubics (N, 2) from corner to corner, each through most of what was seen of its side.
 
-    None where a corner or a side is out of view.
+    None where a corner or a side is out of view, or where the edge is nowhere far from them.
     """
+    p = CornerParameters()
     count = len(edge.points)
     if not edge.shown[corners.indices].all():
         return None
-    sides = []
+    sides, far = [], 0.0
     for start, end in zip(corners.indices, np.roll(corners.indices, -1), strict=True):
         length = int(end - start) % count
         index = (start + np.arange(length + 1)) % count
@@ -27,7 +28,12 @@ def smooth_sides(edge: EdgePoints, corners: Corners) -> list[Points] | None:
         inner = inner[edge.seen[inner]]
         if len(inner) < 10:
             return None
-        sides.append(_RobustCubic(edge.points[inner]))
+        curve = _RobustCubic(edge.points[inner])
+        sides.append(curve)
+        chord = float(np.linalg.norm(edge.points[start] - edge.points[end]))
+        far = max(far, float(np.abs(curve.distance(edge.points[index])).max()) / max(chord, 1.0))
+    if far < p.notch:
+        return None
     found = []
     for k in range(4):
         place = edge.points[corners.indices[k]]
@@ -60,6 +66,11 @@ class _RobustCubic:
 
     def _height(self, s: Vector) -> Vector:
         return np.asarray(np.polynomial.polynomial.polyval(s / self.scale, self.fit))
+
+    def distance(self, points: Points) -> Vector:
+        """Of points (N, 2), across the axis."""
+        s, d = ((points - self.centre) @ self.axes.T).T
+        return np.asarray(d - self._height(s))
 
     def tangent(self, place: Points) -> tuple[Points, Points]:
         """Point and direction of the curve next to `place` (2,)."""

@@ -35,6 +35,8 @@ SQUARE_SIZE = 0.05
 
 
 # Which sides are used, and when their plane is accepted. Lengths are shares of the side's length.
+MIN_SEEN = 0.25
+"""If a smaller share of a side is seen, the other sides show its direction better."""
 OVERLAP = 4.0
 """Neighbouring points of an edge share pixels and the paper's waves: this many count as one."""
 BEND_SHARE = 0.5
@@ -45,6 +47,8 @@ CROPPED_COST = 9.0
 """A photo counts as cropped when an off-centre principal point brings the sum of squares down by this."""
 STRAIGHT_BEND = 0.01
 """Sides that are bent further show neither that the sheet is flat nor that the photo was cropped."""
+MAX_ASPECT = 8.0
+"""Longer sheets than receipts."""
 CERTAIN_ASPECT = 0.004
 """Deviation of the logarithm of the aspect up to which the photo shows it, and no format is asked for."""
 
@@ -148,7 +152,7 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
     points, deviations = side.points, np.maximum(side.deviations, 1e-6)
     known = np.isfinite(points).all(axis=1) & np.isfinite(deviations)
     points, deviations = points[known], deviations[known]
-    if len(points) < LEAST_POINTS:
+    if len(points) < LEAST_POINTS or side.seen < MIN_SEEN:
         return None
     weights = 1 / deviations**2
     middle, along, off = _weighted_line(points, weights)
@@ -262,6 +266,8 @@ def plane_from_lines(
     if float(np.arccos(np.clip(abs(fit.plane.rotation[2, 2]), 0.0, 1.0))) > MAX_TILT_RAD:
         return NoShape("it is seen from too low an angle")
     aspect = sheet_aspect(fit.plane, lines)
+    if aspect is not None and not 1 / MAX_ASPECT < aspect < MAX_ASPECT:
+        return NoShape("it is too narrow for a sheet")
     deviation = _aspect_deviation(fit, lines, prior)
     return OutlinePlane(fit.plane, lines, aspect, deviation, fit.log_focal_deviation, misfit)
 

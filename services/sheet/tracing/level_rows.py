@@ -16,12 +16,15 @@ NEAR = 0.12
 """Distance from the row's line up to which a character stands, or ends, on it ..."""
 ON_LINE = 0.6
 """... as this share of the row's characters does: the others have descenders, or ascenders."""
+ROWS = 2
 SHARE = 0.15
 """Of the components, those in level rows. Pages have 0.25 (a blurred table) to 0.99, pictures up to 0.1."""
 UPRIGHT_SHARE = 1 / 3
 """Of the components in level rows, at most so many are in upright ones too ..."""
 PITCH = 0.75
 """... or level rows are denser by this: letters are nearer to each other than lines, tiles of a grid are not."""
+LONG_ROW = 20
+"""A single row of so many characters is enough."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ def count_level_rows(ink: Mask) -> LevelRows:
 def shows_print(ink: Mask) -> bool:
     """Whether `ink` (H, W) has level rows as text has: enough, and more than upright ones."""
     level = count_level_rows(ink)
-    if level.share < SHARE:
+    if level.share < SHARE or (level.rows < ROWS and level.characters < LONG_ROW):
         return False
     upright = count_level_rows(np.ascontiguousarray(ink.T))
     few = upright.characters <= UPRIGHT_SHARE * level.characters

@@ -9,10 +9,12 @@ from services.contract.cameras import CameraMemory
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import jacobians, scaling, transform_points
+from services.mosaic import flattening
 from services.mosaic.flat_photo import trust_by_error
-from services.mosaic.flattening import flatten_photo, take_as_flat, view_photo
+from services.mosaic.flattening import flatten_photo, take_as_flat, view_again, view_photo
 from services.rectify import pipeline
 from services.rectify.stage_clock import StageClock
+from services.rectify.view.flatness import Flatness
 from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.views import look_at, page_image, photograph
 
@@ -44,6 +46,17 @@ def test_a_tilted_photo_becomes_a_view_that_differs_from_the_page_by_a_similarit
     assert np.median(flat.gray[flat.shown]) > 250
     assert (flat.gray[flat.shown] < 100).mean() > 0.02
     assert flat.weight > 500
+
+
+@pytest.mark.parametrize(("asked_percent", "codes"), [(0.0, []), (2.0, ["not-flat"])])
+def test_a_view_that_shows_that_it_is_not_flat_says_so_until_it_is_viewed_again(
+    asked_percent: float, codes: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = Flatness(None, None, None, asked_percent)
+    monkeypatch.setattr(flattening, "measure_flatness", lambda *_: shown)
+    flat = flatten_photo(0, photograph(page_image(), TILTED, 1000, 1400), None, StageClock())
+    assert [notice.code for notice in flat.notices] == codes
+    assert view_again(flat, flat.frame).notices == ()
 
 
 def test_the_remembered_camera_takes_part_in_the_pose(monkeypatch: pytest.MonkeyPatch) -> None:

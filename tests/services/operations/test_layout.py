@@ -19,6 +19,7 @@ from services.errors import InvalidModel, InvalidOption, TooLarge
 from services.layout.model.cost import MOST_EXPLAINED, AttributeCost
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.page import Page, Zone, ZoneWord
+from services.layout.recognition.fields import probability_of_value
 from services.layout.recognition.results import ClassMatch, ModelMatch, Recognition, RecognizedZone
 from services.operations import layout
 from services.operations.layout import recognize_upload
@@ -179,7 +180,7 @@ def test_words_and_fields_as_json() -> None:
         "value": "3 May",
         "currency": None,
         "problem": None,
-        "confidence": 0.48,  # 0.75 for the class, 0.8 for the label, 0.8 for the words
+        "confidence": round(0.75 * probability_of_value(0.8, 0.5 * 0.9, "text"), 4),
         "zones": ["a"],
     }
     plain = stored_form(describe_recognition(read, explain=False))

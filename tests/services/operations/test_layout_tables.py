@@ -112,6 +112,13 @@ def test_what_is_doubtful_in_cells_is_said() -> None:
         assert label in warning.detail
 
 
+def test_a_column_that_no_sample_has_does_not_blame_the_other_one() -> None:
+    samples = [sample(ALDER, seed) for seed in range(2)]
+    warnings = initialize_from_samples("invoice", samples, SETTINGS, [ITEMS[0], "nonexistent"]).warnings
+    assert [each.code for each in warnings] == ["column-without-cells"]
+    assert "'nonexistent'" in warnings[0].detail
+
+
 def test_a_kept_page_has_its_table_with_typed_values(document: dict[str, Any]) -> None:
     [page] = made(ALDER, 20)
     found = recognize_again(found_page(page), [stored(document)], SETTINGS, words=False)

@@ -217,7 +217,12 @@ def test_a_region_guides(photo: SimulatedPhoto, result: RectifyResult) -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"focal_length_px": 1.0}, {"focal_length_px": 1e9}, {"region": ((-9.0, -9.0), (-5, -9), (-5, -5))}],
+    [
+        {"focal_length_px": 1.0},
+        {"focal_length_px": 1e9},
+        {"region": ((-9.0, -9.0), (-5, -9), (-5, -5))},
+        {"region": ((9.0, 9.0), (90, 90), (50, 50))},
+    ],
 )
 def test_options_that_the_photo_cannot_have_are_refused(wrong: dict, photo: SimulatedPhoto) -> None:
     with pytest.raises(InvalidOption, match=next(iter(wrong))) as caught:

@@ -313,6 +313,9 @@ def test_plausible_sheets_face_the_camera_under_all_text(monkeypatch: pytest.Mon
     with monkeypatch.context() as bound:
         bound.setattr(curved_page, "MAX_MAGNIFICATION_RATIO", 1.5)
         assert "enlarged 2 times" in (implausibility(leaning.surface(), grid) or "")
+    with monkeypatch.context() as bound:
+        bound.setattr(curved_page, "MAX_TILT_RAD", np.radians(45.0))
+        assert "edge-on" in (implausibility(leaning.surface(), grid) or "")
     # Rulings that cross in the text.
     crossed = replace(FLAT, slopes=(3.0, 0.0), skew=0.0)
     assert "folded over" in (implausibility(crossed.surface(), characters) or "")

@@ -98,3 +98,15 @@ def test_files_with_a_table_read_back_as_one_zone() -> None:
         assert [zone.id for zone in back.zones] == ["z1", "z2"]
         assert back.zones[1].box == TABLE.box
         assert "4.50" in back.zones[1].text
+
+
+def test_a_cell_that_a_person_drew_stands_in_its_table_alone() -> None:
+    drawn = Zone("n1", (400.0, 270.0, 490.0, 290.0), text="7.00", label="amount")
+    for written in (
+        write_page_xml(with_table(HEAD, TABLE_ZONE, drawn), "a.png", CREATED),
+        write_alto(with_table(HEAD, TABLE_ZONE, drawn), "a.png", CREATED),
+    ):
+        assert written.decode().count("7.00") == 1
+        assert 'D="n1"' not in written.decode().replace("id=", "ID=")
+    other = replace(drawn, label="note")
+    assert 'id="n1"' in write_page_xml(with_table(HEAD, TABLE_ZONE, other), "a.png", CREATED).decode()

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from services.contract.fields import FieldSetting
+from services.contract.fields import FieldSetting, FieldType
 from services.layout.page import Page, Zone, ZoneWord
 from services.layout.recognition.fields import gather_fields, probability_of_value
 from services.layout.recognition.results import ClassMatch, Recognition, RecognizedZone
@@ -41,25 +41,39 @@ def test_the_confidence_joins_class_labels_and_words() -> None:
     [field] = gather_fields(
         recognition(labelled(0, "date", "a b", 0.8, (0.5, 1.0)), labelled(1, "date", "c", 0.5, (0.75,)))
     )
-    assert field.confidence == pytest.approx(0.9 * 0.8 * 0.5 * 0.75)
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8 * 0.5, 0.5 * 1.0 * 0.75, "text"))
 
 
 def test_a_typed_value_is_as_sure_as_its_own_words() -> None:
     zone = labelled(0, "date", "Re: ??, March 3, 1998", 0.8, (0.9, 0.1, 0.5, 1.0, 0.75))
     [field] = gather_fields(recognition(zone), {"date": FieldSetting("date")})
     assert (field.type, field.value, field.problem) == ("date", "1998-03-03", None)
-    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8, 0.5 * 1.0 * 0.75))
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8, 0.5 * 1.0 * 0.75, "date"))
     without_words = labelled(0, "date", "March 3, 1998", 0.8)
     [surer] = gather_fields(recognition(without_words), DATE)
     assert field.confidence < surer.confidence < 0.9
 
 
-def test_a_value_is_surer_with_its_labels_and_words() -> None:
-    sure = probability_of_value(0.95, 0.9)
-    assert probability_of_value(0.5, 0.9) < sure < probability_of_value(0.95, 0.99)
-    assert sure > 0.95 * 0.9
-    assert probability_of_value(0.999, 1.0) < probability_of_value(1.0, 1.0) == 1.0
-    assert 0.0 < probability_of_value(0.0, 0.0) < 0.05
+@pytest.mark.parametrize("of_type", ["text", "date", "amount", "phone"])
+def test_a_value_is_surer_with_its_labels_and_words(of_type: FieldType) -> None:
+    sure = probability_of_value(0.95, 0.9, of_type)
+    assert probability_of_value(0.5, 0.9, of_type) < sure < probability_of_value(0.95, 0.99, of_type)
+    assert probability_of_value(0.999, 1.0, of_type) < probability_of_value(1.0, 1.0, of_type) == 1.0
+    assert 0.0 < probability_of_value(0.0, 0.0, of_type) < 0.1
+
+
+def test_a_value_that_parses_is_surer_than_its_label_and_words_and_a_text_is_not() -> None:
+    assert probability_of_value(0.95, 0.9, "date") > probability_of_value(0.95, 0.9, "phone") > 0.95 * 0.9
+    assert probability_of_value(0.95, 0.9, "amount") < probability_of_value(0.95, 0.9, "phone")
+    assert probability_of_value(0.95, 0.9, "text") < 0.95 * 0.9
+
+
+def test_a_text_with_one_word_misread_is_wrong_however_long_it_is() -> None:
+    words = "one two three four five six seven eight"
+    misread = labelled(0, "body", words, 0.95, (0.3, *[0.96] * 7))
+    [doubted] = gather_fields(recognition(misread))
+    [read] = gather_fields(recognition(labelled(0, "body", words, 0.95, (0.96,) * 8)))
+    assert doubted.confidence < 0.85 * read.confidence
 
 
 def test_a_text_without_its_type_has_no_value() -> None:
@@ -73,7 +87,7 @@ def test_a_text_without_its_type_has_no_value() -> None:
 
 def test_text_that_came_with_the_zones_counts_as_right() -> None:
     [field] = gather_fields(recognition(labelled(0, "date", "today", 0.8)))
-    assert field.confidence == pytest.approx(0.9 * 0.8)
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8, 1.0, "text"))
 
 
 def test_zones_without_label_or_text_make_no_field() -> None:
@@ -89,7 +103,7 @@ def test_a_pattern_is_looked_for_zone_by_zone_where_all_together_have_no_value()
     zones = [labelled(0, "signature", "by phone", 0.5), labelled(1, "signature", "Ann Hall", 0.8)]
     [field] = gather_fields(recognition(*zones), name)
     assert (field.value, field.text, field.zones) == ("Ann Hall", "by phone\nAnn Hall", ("z0", "z1"))
-    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8, 1.0))
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.8, 1.0, "pattern"))
     [field] = gather_fields(recognition(*zones, labelled(2, "signature", "Bob Hill")), name)
     assert (field.value, field.problem) == (None, "no-value")
 
@@ -104,7 +118,7 @@ def test_a_value_in_a_zone_of_another_label_is_found_if_that_zone_may_have_this_
     assert [field.label for field in found] == ["letterhead", "date", "body"]
     # The letterhead is wrong with 0.2, and a date then with 0.6; the body is one with 0.4 * 0.2.
     assert (found[1].value, found[1].zones, found[1].text) == ("1998-03-03", ("z0",), head.zone.text)
-    assert found[1].confidence == pytest.approx(0.9 * probability_of_value(0.2 * 0.6, 1.0))
+    assert found[1].confidence == pytest.approx(0.9 * probability_of_value(0.2 * 0.6, 1.0, "date"))
     assert (found[0].value, found[0].zones) == ("Ann Hall March 3, 1998", ("z0",))
 
 
@@ -131,7 +145,7 @@ def test_zones_with_equal_values_are_one_value_together() -> None:
     twice = [replace(labelled(k, None, "87.45", 0.7), shares={"total": 0.3}) for k in (1, 2)]
     [field] = gather_fields(recognition(change, *twice), amounts)
     assert (field.value, field.zones) == ("87.45", ("z1",))
-    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.6, 1.0))
+    assert field.confidence == pytest.approx(0.9 * probability_of_value(0.6, 1.0, "amount"))
     [field] = gather_fields(recognition(change, twice[0]), amounts)
     assert (field.value, field.zones) == ("12.55", ("z0",))
     [field] = gather_fields(recognition(labelled(0, "total", "12.55"), *twice[:0]), amounts)

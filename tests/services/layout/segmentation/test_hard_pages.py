@@ -122,7 +122,7 @@ def test_drawings_are_told_by_their_lines() -> None:
     assert not read_drawing(boxes).is_border
     y, x = np.indices((300, 300))
     circle = np.abs(np.hypot(x - 150, y - 150) - 145) < 3
-    assert read_drawing(circle) == read_drawing(np.zeros((300, 300), bool)) == read_drawing(grid[:40])
+    assert read_drawing(circle) == read_drawing(np.zeros((300, 300), bool))
 
 
 def test_the_lines_of_a_listing_are_whole() -> None:

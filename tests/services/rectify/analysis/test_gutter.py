@@ -62,21 +62,23 @@ def spread_photo(dip: float) -> np.ndarray:
     return np.repeat(np.tile(light, (1200, 1))[..., None], 3, axis=2).astype(np.uint8)
 
 
-def gutter_of(gap: float, dip: float) -> Gutter | None:
-    return find_gutter(spread_photo(dip), blocks(gap), HEIGHT, 0.0)
+def gutter_of(gap: float, dip: float, turn_deg: float) -> Gutter | None:
+    at = blocks(gap)
+    return find_gutter(spread_photo(dip), at, HEIGHT, flow_over(at, np.deg2rad(turn_deg)), 0.0)
 
 
-@pytest.mark.parametrize("dip", [0.4, 0.3])
-def test_a_gutter_is_a_dark_line_in_a_wide_gap(dip: float) -> None:
-    gutter = gutter_of(9.0, dip)
+@pytest.mark.parametrize(("dip", "turn_deg"), [(0.4, 0.0), (0.3, 8.0)])
+def test_a_gutter_is_a_dark_line_in_a_wide_gap(dip: float, turn_deg: float) -> None:
+    gutter = gutter_of(9.0, dip, turn_deg)
     assert gutter is not None
     assert np.array_equal(gutter.right, blocks(9.0)[:, 0] > 450)
     assert gutter.line[:, 0] == pytest.approx(450, abs=12)
+    assert gutter.jump_rad == pytest.approx(np.deg2rad(turn_deg), abs=0.03)
 
 
-@pytest.mark.parametrize(("gap", "dip"), [(3.0, 0.4), (9.0, 0.0)])
-def test_a_narrow_gap_and_a_bright_one_are_no_gutter(gap: float, dip: float) -> None:
-    assert gutter_of(gap, dip) is None
+@pytest.mark.parametrize(("gap", "dip", "turn_deg"), [(3.0, 0.4, 20.0), (9.0, 0.0, 0.0), (9.0, 0.0, 20.0)])
+def test_a_narrow_gap_and_a_bright_one_are_no_gutter(gap: float, dip: float, turn_deg: float) -> None:
+    assert gutter_of(gap, dip, turn_deg) is None
 
 
 def columns(starts: tuple[float, ...], width: float) -> Points:
@@ -104,7 +106,7 @@ def test_in_a_flat_scan_the_widest_gap_in_the_middle_of_a_broad_photo_is_the_gut
 ) -> None:
     at = columns(starts, width)
     scan = np.full((1000, photo_width, 3), 250, np.uint8)
-    gutter = find_gutter(scan, at, HEIGHT, 0.0)
+    gutter = find_gutter(scan, at, HEIGHT, flow_over(at, 0.0), 0.0)
     assert (gutter is None) == (gutter_at is None)
     if gutter is not None and gutter_at is not None:
         assert gutter.line[:, 0] == pytest.approx(gutter_at, abs=30)

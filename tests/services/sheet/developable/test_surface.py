@@ -256,6 +256,16 @@ def test_the_page_ends_where_rulings_cross() -> None:
     assert np.isfinite(seen[3:]).all()
 
 
+@pytest.mark.parametrize("slopes", [(0.4, 0.9), (-0.3, 0.8), (0.0, -1.2), (0.6, 0.0)])
+def test_what_is_seen_lies_on_the_ruling_through_it(slopes: tuple[float, float]) -> None:
+    surface = replace(FLAT, slopes=slopes, skew=0.1, turn=(0.0, 0.0, 0.0)).surface()
+    u, v = np.meshgrid(np.linspace(-1.5, 1.5, 25), np.linspace(-1.5, 1.5, 25))
+    page = np.stack([u.ravel(), v.ravel()], axis=1)
+    is_seen = np.isfinite(surface.to_photo(page)).all(axis=1)
+    assert 50 < is_seen.sum() < len(page)  # some rulings cross within
+    assert np.allclose(surface.from_sheet(surface.to_sheet(page[is_seen])), page[is_seen], atol=1e-9)
+
+
 def test_the_page_ends_behind_the_camera() -> None:
     surface = replace(FLAT, turn=(0.0, 1.2, 0.0), focal=1.0, anchor=(0.0, 0.0), skew=0.0).surface()
     depth = in_space(surface, np.array([[1.0, 0.0], [1.5, 0.0], [-1.0, 0.0]]))[:, 2]

@@ -1,4 +1,4 @@
-"""The grain of a desk is not taken for the text of the sheet that lies on it."""
+"""Beside an outline the grain of a desk is no text of the sheet, and where print goes on the sheet does."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from services.arrays import RgbImage
 from services.contract.rectify import RectifyParameters
+from services.imaging.reduction import Halves
+from services.rectify.analysis.page_analysis import analyse_photo
+from services.rectify.analysis.text_beside import text_beside
 from services.rectify.pipeline import rectify
+from services.sheet.outline.given_corners import outline_between
 
 pytestmark = pytest.mark.pipeline
 SHEET = np.array([[230, 200], [830, 230], [800, 1050], [190, 1010]], np.float64)
@@ -40,3 +44,33 @@ def test_the_view_is_cut_at_the_sheet_and_level_with_it() -> None:
     ends = result.mesh[[0, 0, -1, -1], [0, -1, -1, 0]]
     # The view's corners are the sheet's, to a few pixels.
     assert np.linalg.norm(ends - SHEET, axis=1).max() < 16
+
+
+def page_round_a_picture() -> RgbImage:
+    """A page larger than the photo, with four lines of print over a picture and twelve below it."""
+    page = Image.new("L", (1000, 1200), 235)
+    draw, font = ImageDraw.Draw(page), ImageFont.load_default(30)
+    for k in (*range(4), *range(13, 25)):
+        draw.text(
+            (60, 30 + 46 * k),
+            "Alice was beginning to get very tired of sitting by her sister",
+            font=font,
+            fill=30,
+        )
+    draw.rectangle((60, 240, 940, 590), fill=60)
+    photo = np.repeat(np.asarray(page, np.float64)[..., None], 3, axis=2)
+    return np.clip(photo + np.random.default_rng(1).normal(0, 2, photo.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("end", "is_cut"), [(592, True), (900, False), (1199, False)])
+def test_an_outline_with_most_of_the_print_beside_it_is_no_end_of_the_sheet(end: int, is_cut: bool) -> None:
+    photo = page_round_a_picture()
+    analysis = analyse_photo(photo)
+    outline = outline_between(Halves(photo), np.array([[5, 5], [994, 5], [994, end], [5, end]], np.float64))
+    assert text_beside(analysis, outline) == ("print" if is_cut else None)
+
+
+def test_grain_beside_a_sheet_is_texture() -> None:
+    photo = notepad_on_grain()
+    analysis, outline = analyse_photo(photo), outline_between(Halves(photo), SHEET)
+    assert text_beside(analysis, outline) == "texture"
