@@ -50,8 +50,8 @@ def check_parameters(width: int, height: int, parameters: RectifyParameters) -> 
     Raises
     ------
     InvalidOption
-        When the focal length is not plausible, the region lies outside of the photo or has no area, or the corners are those of no
-        sheet that a photo can show.
+        When the focal length is not plausible, the region lies outside of the photo or has no area, or the corners are
+        those of no sheet that a photo can show.
     """
     diagonal = float(np.hypot(width, height))
     if parameters.focal_length_px is not None and not 0.15 < parameters.focal_length_px / diagonal < 15.0:
