@@ -73,26 +73,25 @@ def best_view(
     other = next(page.others, None)
     if other is not None:
         again = judge_view(photo, other, parameters.crop)
-        if again.flatness is not None and _is_clearly_flatter(again.flatness, view.flatness):
-            # A bent sheet was chosen for straighter lines, rules among them, which are not traced again here.
-            unbends = page.shape.kind == "curved" and other.shape.kind == "planar"
-            if not unbends or _is_straighter(again.flatness, view.flatness):
-                view = again
+        if is_flatter(other, again.flatness, page, view.flatness):
+            view = again
     if view.flatness is None or view.flatness.passes:
         return view
     return replace(view, notices=(*view.notices, not_flat(view.flatness.shown_percent)))
 
 
-def _is_straighter(again: Flatness, first: Flatness) -> bool:
-    """Whether the second view has clearly straighter lines."""
-    return (again.line_straightness or np.inf) < CLEARLY_FLATTER * (first.line_straightness or 0.0)
+def is_flatter(page: ShapedPage, flatness: Flatness | None, before: ShapedPage, known: Flatness) -> bool:
+    """Whether the view of `page` is clearly flatter than the one `before`, whose flatness is `known`.
 
-
-def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
-    """Whether the second view has a smaller error to expect, and lines that are as straight or straight enough."""
-    straight = max(first.line_straightness or 0.0, STRAIGHT_LINES)
-    smaller = again.shown_percent < CLEARLY_FLATTER * first.shown_percent
-    return smaller and (again.line_straightness or 0.0) <= straight
+    It has a smaller error to expect, and lines that are as straight or straight enough. A bent sheet was chosen for
+    straighter lines, rules among them, which are not traced again here: a plane in its place must straighten them.
+    """
+    if flatness is None or flatness.shown_percent >= CLEARLY_FLATTER * known.shown_percent:
+        return False
+    found, first = flatness.line_straightness or 0.0, known.line_straightness or 0.0
+    if before.shape.kind == "curved" and page.shape.kind == "planar":
+        return flatness.line_straightness is not None and found < CLEARLY_FLATTER * first
+    return found <= max(first, STRAIGHT_LINES)
 
 
 def judge_view(
