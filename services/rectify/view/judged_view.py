@@ -3,6 +3,7 @@
 A view that is not flat is tried again with the next shape, once.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,6 +35,10 @@ STRAIGHT_LINES = 0.06
 shape may not leave lines less straight than that, unless the first one does."""
 
 
+Framed = Callable[[ShapedPage, Frame, Points | None], object]
+"""Takes a page, the frame of its view and its paper, as of `JudgedView`."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedView:
     """The view of `page` through `frame`, text lines level.
@@ -55,9 +60,14 @@ class JudgedView:
         return None if self.flatness is None else self.flatness.error_percent
 
 
-def best_view(photo: RgbImage, page: ShapedPage, parameters: RectifyParameters) -> JudgedView:
-    """The view of `page`, or that by its next shape where the first is not flat and the second clearly is flatter."""
-    view = judge_view(photo, page, parameters.crop)
+def best_view(
+    photo: RgbImage, page: ShapedPage, parameters: RectifyParameters, framed: Framed | None = None
+) -> JudgedView:
+    """The view of `page`, or that by its next shape where the first is not flat and the second clearly is flatter.
+
+    `framed` receives the first one before it is measured: mostly it is the one.
+    """
+    view = judge_view(photo, page, parameters.crop, framed=framed)
     if view.flatness is None or view.flatness.passes:
         return view
     other = next(page.others, None)
@@ -84,13 +94,22 @@ def is_flatter(page: ShapedPage, flatness: Flatness | None, before: ShapedPage, 
     return found <= max(first, STRAIGHT_LINES)
 
 
-def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop, effort: Effort = WHOLE) -> JudgedView:
+def judge_view(
+    photo: RgbImage,
+    page: ShapedPage,
+    crop: Crop,
+    effort: Effort = WHOLE,
+    framed: Framed | None = None,
+) -> JudgedView:
     """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it.
 
-    By a brief `effort` it is cut at the outline alone, and how flat it is is not measured.
+    By a brief `effort` it is cut at the outline alone, and how flat it is is not measured. `framed` receives the frame,
+    and the paper, as soon as they are known.
     """
     boxes = sheet_print(page)
     frame, white = frame_view(photo, page, crop, boxes, effort)
+    if framed is not None:
+        framed(page, frame, white)
     kept = kept_print(frame, boxes, white)
     cut_letters = 0 if effort.is_brief else count_cut_letters(page, boxes)
     return JudgedView(
