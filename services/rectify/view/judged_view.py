@@ -6,8 +6,6 @@ A view that is not flat is tried again with the next shape, once.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from services.arrays import Floats, Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
 from services.geometry.page_frame import Frame, restore_detail
