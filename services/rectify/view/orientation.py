@@ -54,7 +54,7 @@ LEAST_CONFIDENCE = 0.5
 CERTAIN_CONFIDENCE = 0.7
 """Below it mirrored ways are tried too; print that reads well needs no such comparison."""
 CLEAR_MASS = 2.0
-"""From this text-line mass on, lines along the rows are read before any along the columns are sought: letters make
+"""From this mass on, lines along the rows are read both ways before any along the columns are sought: letters make
 lines of up to 1.2 across their own, a page of text has 2 to 13."""
 CLEAR_AXIS = 0.4
 """The other axis is tried from the start where its text-line mass is at least this share."""
