@@ -37,6 +37,8 @@ orientations have 0.8 and more on sharp print, wrong ones below 0.3."""
 EVIDENT_SCORE = 0.9
 """A line of `clear_letters` that reads so well upright needs not be read upside down: of 516 lines of 81 pages six
 of ten did, and upside down none of more than 19 letters reached 0.65."""
+EVIDENT_LINES = 3
+"""So many lines are read upright in search of such a one, whatever their mass."""
 FEW_LINES = 3
 MORE_LINES = 9
 MOST_CROPS = 18
@@ -52,7 +54,7 @@ LEAST_CONFIDENCE = 0.5
 CERTAIN_CONFIDENCE = 0.7
 """Below it mirrored ways are tried too; print that reads well needs no such comparison."""
 CLEAR_MASS = 2.0
-"""From this text-line mass on, lines along the rows are read before any along the columns are sought: letters make
+"""From this mass on, lines along the rows are read both ways before any along the columns are sought: letters make
 lines of up to 1.2 across their own, a page of text has 2 to 13."""
 CLEAR_AXIS = 0.4
 """The other axis is tried from the start where its text-line mass is at least this share."""
@@ -89,9 +91,9 @@ class _Way:
 def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     """Estimate the turn (and flip) after which a flat page can be read.
 
-    One line crop is read upright. If it does not read well, it is read in both orientations of the rows and scored by
-    length-weighted word confidence, then three lines, then nine, until that is decisive. If it is not, the axis of the
-    greater text-line mass is read, then the other one and mirrored orientations.
+    Up to three line crops are read upright. If none reads evidently, one is read in both orientations of the rows and
+    scored by length-weighted word confidence, then three, then nine, until that is decisive. If it is not, the axis of
+    the greater text-line mass is read, then the other one and mirrored orientations.
 
     Parameters
     ----------
@@ -109,11 +111,11 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     lines = detect_text_lines(flat)
     rows = _LineReader(flat, lines.rows, 0, ocr)
     engine = _PageDetection(flat, ocr)
+    # A flat page has been turned until its lines run along the rows: mostly these can be read.
+    score = rows.evident_score(_Way(0, False))
+    if score is not None:
+        return Orientation(0, False, math.sqrt(score))
     if rows.mass >= CLEAR_MASS:
-        # A flat page has been turned until its lines run along the rows: mostly these can be read.
-        letters, score = rows.read_first(_Way(0, False))
-        if letters >= CLEAR_LETTERS and score >= EVIDENT_SCORE:
-            return Orientation(0, False, math.sqrt(score))
         found = _decide([rows], (False,), engine)
         if (found.confidence or 0.0) >= CERTAIN_CONFIDENCE:
             return found
@@ -267,9 +269,20 @@ class _LineReader:
                 sums[way] += trust * count * confidence
         return total, {way: value / weights if weights else 0.0 for way, value in sums.items()}
 
-    def read_first(self, way: _Way) -> tuple[float, float]:
-        """Weighted number of letters in the most promising line, read one way, and their confidence."""
-        return self._read(0, way) if self._order else (0.0, 0.0)
+    def evident_score(self, way: _Way) -> float | None:
+        """Confidence of the first of `EVIDENT_LINES` that reads evidently this way; None if none does.
+
+        The search ends at a line that hardly reads (the page lies otherwise, or its language is not known), and at a
+        clear one, which one more reading decides as a rule.
+        """
+        for index in range(min(EVIDENT_LINES, len(self._order))):
+            letters, score = self._read(index, way)
+            if letters >= CLEAR_LETTERS and score >= EVIDENT_SCORE:
+                return score
+            is_clear = letters >= CLEAR_LETTERS and score >= CLEAR_SCORE
+            if is_clear or score < UNREAD_SCORE:
+                break
+        return None
 
     def _read(self, index: int, way: _Way) -> tuple[float, float]:
         """Weighted number of letters in one crop, and their confidence."""

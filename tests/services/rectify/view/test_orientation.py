@@ -102,6 +102,28 @@ def test_an_evident_page_costs_one_reading_a_clear_one_two_and_short_lines_six(
     assert reader.reads == (other if way.rotation_deg else upright)
 
 
+@pytest.mark.parametrize(
+    ("lines", "reads"),
+    [
+        ([(30, 0.7), (30, 0.95)], 2),
+        ([(15, 0.95), (30, 0.7), (30, 0.95)], 3),
+        ([(30, 0.85)], 2),  # clear: upside down is asked next
+    ],
+)
+def test_lines_are_read_upright_until_one_is_evident(lines: list[tuple[int, float]], reads: int) -> None:
+    class ListReader(FlagReader):
+        def read_line(self, image: GrayImage) -> tuple[str, float]:
+            super().read_line(image)
+            letters, confidence = lines[self.reads - 1] if self.reads <= len(lines) else (30, 0.1)
+            return letters * "F", confidence
+
+    reader = ListReader()
+    found = estimate_orientation(page_of_flags(), reader)
+    assert (found.rotation_deg, found.mirrored, reader.reads) == (0, False, reads)
+    assert found.confidence is not None
+    assert found.confidence > 0.9
+
+
 def test_mirrored_ways_are_not_tried_on_a_page_that_reads() -> None:
     page = page_of_flags()
     crops: list[GrayImage] = []
