@@ -37,6 +37,7 @@ from app.learning.locks import ModelLocks
 from app.logs import configure_logs
 from app.metrics import Metrics
 from app.openapi.document import describe
+from app.processors import usable_processors
 from app.review.order import ReviewOrder
 from app.roles import InvalidKeys
 from app.routes import (
@@ -274,6 +275,7 @@ def _engine(settings: Settings, operations: Operations, metrics: Metrics) -> Eng
     return LocalEngine(
         PoolLimits(
             workers=settings.workers,
+            processors=usable_processors(),
             queue_length=settings.queue_length,
             job_timeout_s=settings.job_timeout_s,
             queue_timeout_s=settings.queue_timeout_s,

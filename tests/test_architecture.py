@@ -29,6 +29,7 @@ RULES = [
             "services.progress",
             "services.deadline",
             "services.heap",
+            "services.side_by_side",
             "services.layout.content.content_settings",
         ),
     ),

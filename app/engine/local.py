@@ -29,6 +29,7 @@ from app.engine.base import (
     TimeLimit,
     unspool,
 )
+from app.engine.busy_workers import BusyWorkers
 from app.engine.job import EngineJob
 from app.engine.outcomes import Losses, error_of
 from app.engine.process import WorkerGone, WorkerProcess
@@ -51,10 +52,11 @@ class PoolLimits:
     """Limits of the pool; `app.settings` documents each under the same name.
 
     `worker_memory_bytes` and `worker_resident_bytes` 0 mean no limit; a worker that does nothing for `start_timeout_s`
-    while it starts is given up.
+    while it starts is given up. Of the `processors` a busy worker uses those of idle ones too.
     """
 
     workers: int = 1
+    processors: int = 1
     queue_length: int = 16
     job_timeout_s: float = 30.0
     queue_timeout_s: float = 30.0
@@ -100,7 +102,8 @@ class LocalEngine:
         self._threads = ThreadPoolExecutor(limits.workers, thread_name_prefix="engine")
         self._draining = self._stopped = False
         self._facts = WorkerFacts()
-        self._admitted = self._live = self._running = self._deaths = self._recycled = 0
+        self._admitted = self._live = self._deaths = self._recycled = 0
+        self._busy = BusyWorkers(min(limits.workers, limits.processors))
         self._mean_work_s = 1.0
         self._losses = Losses(limits.worker_memory_bytes)
 
@@ -185,7 +188,7 @@ class LocalEngine:
             capacity=self._capacity,
             admitted=self._admitted,
             waiting=len(self._jobs),
-            running=self._running,
+            running=self._busy.count,
             worker_deaths=self._deaths,
             recycled_workers=self._recycled,
             facts=self._facts,
@@ -245,7 +248,7 @@ class LocalEngine:
                     await asyncio.sleep(RESTART_PAUSE_S)
 
     async def _start_worker(self) -> WorkerProcess:
-        worker = WorkerProcess(self._limits.worker_memory_bytes, self._warm_up)
+        worker = WorkerProcess(self._limits.worker_memory_bytes, self._warm_up, self._busy)
         self._workers.add(worker)
         loop = asyncio.get_running_loop()
         watching = asyncio.create_task(kill_if_hung(worker, self._limits.start_timeout_s))
@@ -274,12 +277,12 @@ class LocalEngine:
                     self._deaths += 1
                     log.warning("idle worker died", extra={"worker": worker.pid})
                     return
-            self._running += 1
+            self._busy.add(1)
             try:
                 if not await self._run(worker, job):
                     return
             finally:
-                self._running -= 1
+                self._busy.add(-1)
             if 0 < self._limits.worker_resident_bytes < worker.resident_bytes():
                 break
         self._recycled += 1

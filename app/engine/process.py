@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import cast
 
 from app.engine import worker as inside
+from app.engine.busy_workers import BusyWorkers
 from services.contract.worker_facts import WorkerFacts
 from services.progress import ProgressSink
 
@@ -30,12 +31,15 @@ class WorkerProcess:
 
     _starting = threading.Lock()
 
-    def __init__(self, memory_bytes: int, warm_up: inside.NamedCall | None) -> None:
+    def __init__(self, memory_bytes: int, warm_up: inside.NamedCall | None, busy: BusyWorkers) -> None:
         context = multiprocessing.get_context("forkserver")
         self._connection, far_end = context.Pipe()
         self._far_end = far_end
         self._process = context.Process(
-            target=inside.serve, args=(far_end, memory_bytes, warm_up), name="document-worker", daemon=True
+            target=inside.serve,
+            args=(far_end, memory_bytes, warm_up, busy),
+            name="document-worker",
+            daemon=True,
         )
         self._killed = self._stopped = False
 

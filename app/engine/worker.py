@@ -1,6 +1,6 @@
 """The worker's side: it runs one call after another, received over one pipe from the engine.
 
-A worker imports nothing else of `app`, so that it starts fast and uses little memory.
+A worker imports nothing else of `app` but the count of busy workers, so that it starts fast and uses little memory.
 """
 
 import errno
@@ -19,11 +19,13 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal
 
+from app.engine.busy_workers import BusyWorkers
 from services.contract.worker_facts import WorkerFacts
 from services.deadline import answered_within
 from services.errors import DocumentError
-from services.heap import release_freed_memory
+from services.heap import keep_few_heaps, release_freed_memory
 from services.progress import progress_to
+from services.side_by_side import spare_processors
 
 READY, DONE, REFUSED, FAILED, OUT_OF_MEMORY = "ready", "done", "refused", "failed", "out-of-memory"
 PROGRESS = "progress"
@@ -44,7 +46,8 @@ SINGLE_THREAD_ENVIRONMENT = {
     "MKL_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-"""There is one worker for each processor, so several threads in one worker would only slow each other down."""
+"""There is one worker for each processor, so several threads in one worker would only slow each other down. Where
+workers are idle, `services.side_by_side` uses a second one."""
 
 COLLECTED_AFTER = 50_000
 """New container objects before Python's garbage collector runs. A model has a tenth of that. One run over the 200
@@ -55,13 +58,13 @@ OPENCV_NO_MEMORY = -4
 _MOST_CAUSES = 8
 
 
-def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None) -> None:
+def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None, busy: BusyWorkers) -> None:
     """Report the end of the warm-up, then run calls until the engine closes the pipe."""
     _settle(memory_bytes)
     facts = run(*warm_up) if warm_up is not None else WorkerFacts()
     collect_seldom()
     connection.send_bytes(pickle.dumps((READY, facts)))
-    while (answer := _answer_next(connection)) is not None:
+    while (answer := _answer_next(connection, busy)) is not None:
         connection.send_bytes(answer)
         del answer
         release_freed_memory()
@@ -88,6 +91,7 @@ def _settle(memory_bytes: int) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.environ.update(SINGLE_THREAD_ENVIRONMENT)
     faulthandler.enable()
+    keep_few_heaps(1)  # a second thread would keep 40 MB of a heap of its own
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if memory_bytes:
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
@@ -96,7 +100,7 @@ def _settle(memory_bytes: int) -> None:
         Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
 
 
-def _answer_next(connection: Connection) -> bytes | None:
+def _answer_next(connection: Connection, busy: BusyWorkers) -> bytes | None:
     """Pickled `Outcome` of the next call, a pickled (operation, arguments, seconds, whether progress is wanted).
 
     None when the engine has closed the pipe. Errors of the operation are returned as outcomes, not raised.
@@ -109,7 +113,7 @@ def _answer_next(connection: Connection) -> bytes | None:
         operation, arguments, limit_s, listens = pickle.loads(call)
         del call  # uploads are large: this leaves one copy while the operation runs
         reports = ProgressReports(connection).send if listens else None
-        with progress_to(reports), answered_within(limit_s):
+        with progress_to(reports), answered_within(limit_s), spare_processors(busy.spare_for_each):
             return pickle.dumps((DONE, run(operation, arguments)))
     except DocumentError as error:
         return pickle.dumps((REFUSED, error))

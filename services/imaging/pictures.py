@@ -112,26 +112,27 @@ def pictures_without_text(levels: Levels, image: RgbImage, characters: Points) -
     tint = _tints(small, paper) if paper.any() else np.zeros(found.shape)
     window = _odd(p.window * max(height, width))
     dark = _dark_amid_paper(levels.paper, window, p.darkest_paper, to_border=True)
+    # A coloured part without the rim around it: text just beside a band is not in it.
     coloured, _ = _parts(dark & (tint >= p.tint), _odd(p.holes * max(height, width)))
-    rim = np.ones((_odd(2 * p.rim * max(height, width)),) * 2, np.uint8)
-    found |= cv2.dilate((coloured > 0).astype(np.uint8), rim) > 0
-    count, labels = cv2.connectedComponents(found.astype(np.uint8))
-    if count == 1:
-        return found
-    parts = np.asarray(labels, np.int32)
     scale = np.array([width / image.shape[1], height / image.shape[0]])
     columns, rows = np.clip((characters * scale).astype(int), 0, [width - 1, height - 1]).T
-    text = np.bincount(parts[rows, columns], minlength=count)
     brightness = log_brightness(np.asarray(cv2.medianBlur(small, 2 * p.softness_px + 1), np.uint8))
     inner = np.zeros_like(found)
     inner[1:-1, 1:-1] = True
-    at_border = np.bincount(parts[~inner], minlength=count) > 0
-    means = _shares(parts, count, brightness)
-    spread = np.sqrt(_shares(parts, count, np.square(brightness - means[parts])))
-    is_coloured = _shares(parts, count, tint) >= p.tint
-    is_picture = (text <= p.most_characters) & (is_coloured | ((spread >= p.spread) & ~at_border))
-    is_picture[0] = False
-    return np.asarray(is_picture[parts])
+    pictures = np.zeros_like(found)
+    for mask, rim in ((found, 0.0), (coloured > 0, p.rim)):
+        count, parts = cv2.connectedComponents(mask.astype(np.uint8))
+        labels = np.asarray(parts, np.int32)
+        text = np.bincount(labels[rows, columns], minlength=count)
+        at_border = np.bincount(labels[~inner], minlength=count) > 0
+        means = _shares(labels, count, brightness)
+        spread = np.sqrt(_shares(labels, count, np.square(brightness - means[labels])))
+        is_coloured = _shares(labels, count, tint) >= p.tint
+        is_picture = (text <= p.most_characters) & (is_coloured | ((spread >= p.spread) & ~at_border))
+        is_picture[0] = False
+        around = np.ones((_odd(2 * rim * max(height, width)),) * 2, np.uint8)
+        pictures |= cv2.dilate(is_picture[labels].astype(np.uint8), around) > 0
+    return pictures
 
 
 def levels_beside_pictures(image: RgbImage, levels: Levels, pictures: Mask) -> Levels:

@@ -1,5 +1,7 @@
 """Reduced images."""
 
+import threading
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +31,14 @@ class Halves:
     """An image, its half, the half of that and so on by area averages; from the quarter on, each is made once.
 
     Several steps reduce the same photo: a half of 12 megapixels takes 5 ms. The half itself is not kept: its 9 MB would
-    add to the peak of the whole work.
+    add to the peak of the whole work. Several threads may ask for them.
     """
 
     def __init__(self, image: NDArray[np.uint8]) -> None:
         """`image` is (H, W) or (H, W, 3)."""
         self.image = image
         self._quarters: list[NDArray[np.uint8]] = []
+        self._making = threading.Lock()
 
     @classmethod
     def of(cls, image: "NDArray[np.uint8] | Halves") -> "Halves":
@@ -46,11 +49,12 @@ class Halves:
         """The image after `times` halvings, without odd last rows and columns."""
         if times < 2:
             return halve(self.image) if times else self.image
-        if not self._quarters:
-            self._quarters.append(halve(halve(self.image)))
-        while len(self._quarters) < times - 1:
-            self._quarters.append(halve(self._quarters[-1]))
-        return self._quarters[times - 2]
+        with self._making:
+            if not self._quarters:
+                self._quarters.append(halve(halve(self.image)))
+            while len(self._quarters) < times - 1:
+                self._quarters.append(halve(self._quarters[-1]))
+            return self._quarters[times - 2]
 
 
 def reduce_image(

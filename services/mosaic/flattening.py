@@ -17,10 +17,12 @@ from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.pipeline import find_page
+from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_gray_view
-from services.rectify.view.flatness import measure_flatness, not_flat
-from services.rectify.view.paper_end import find_paper_end
+from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
+from services.rectify.view.judged_view import is_flatter
+from services.rectify.view.paper_end import PaperEnd, find_paper_end
 from services.rectify.view.print_kept import sheet_print
 from services.sheet.plane.framing import FlatFrame
 from services.texture_flow.text_identification import identify_text
@@ -59,13 +61,9 @@ def flatten_photo(
         RectifyParameters() if memory is None else RectifyParameters(camera=memory.name, cameras=(memory,))
     )
     page = find_page(photo, known, exif_focal_length_px, clock, needs_text=True)
-    analysis = page.analysis
-    assert analysis is not None
     with clock.stage("framing"):
-        end = find_paper_end(page, "sheet", sheet_print(page))
-        frame = page.frame(end.reach, "sheet")
+        page, frame, end, flatness = _flattest(page)
         flat = view_photo(index, photo, frame, page.text_height_px, float(len(page.characters)))
-        flatness = measure_flatness(page, frame)
     notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
     error_percent = None if flatness is None else flatness.error_percent
     if flatness is not None and not flatness.passes:
@@ -75,8 +73,29 @@ def flatten_photo(
         page.shape.focal_source != prior.source
     ):  # the page contradicts it, or showed it better than a typical one
         prior = typical_focal_prior()
+    analysis = page.analysis
+    assert analysis is not None
     seen = SeenPage(page.shape, analysis.evidence(page.view), prior)
     return replace(flat, notices=notices, sheet=end.around, error_percent=error_percent, page=seen)
+
+
+def _flattest(page: ShapedPage) -> tuple[ShapedPage, Frame, PaperEnd, Flatness | None]:
+    """`page`, or the same by its next shape where the first is not flat and the second clearly is flatter."""
+    frame, end, flatness = _judged(page)
+    if flatness is not None and not flatness.passes:
+        other = next(page.others, None)
+        if other is not None:
+            again = _judged(other)
+            if is_flatter(other, again[2], page, flatness):
+                return other, *again
+    return page, frame, end, flatness
+
+
+def _judged(page: ShapedPage) -> tuple[Frame, PaperEnd, Flatness | None]:
+    """The frame of `page`, not cut, where its paper ends, and how flat the view is."""
+    end = find_paper_end(page, "sheet", sheet_print(page))
+    frame = page.frame(end.reach, "sheet")
+    return frame, end, measure_flatness(page, frame)
 
 
 def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:

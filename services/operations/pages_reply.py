@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, cast, get_args
 
 from services.arrays import PageImage
+from services.contract.answers.capture import Quality
 from services.contract.answers.mosaic import MosaicResult
 from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, FailedPlace, PageReply, PagesFormat, TextFormat
@@ -26,6 +27,7 @@ from services.operations.replies import (
     show_page,
     timed,
 )
+from services.side_by_side import SideStep
 from services.text.page_text import PageText
 
 
@@ -43,6 +45,8 @@ class DescribedPage:
     dpi: float | None = None
     kept: KeptPage | None = None
     """What is kept of it, where the photo is to be kept."""
+    quality: SideStep[Quality | None] | None = None
+    """The quality of its photo, where the answer may not have it yet."""
 
     def source(self, upload: SourceFacts) -> SourceFacts:
         """Facts of the upload, with the resolution of this picture."""
@@ -106,6 +110,8 @@ def encode_page(
     elif target.format not in get_args(TextFormat):
         kind = cast(OutputFormat, target.format) if target.format in get_args(OutputFormat) else image_format
         part = PagePart(encode_image(page.image, kind, *rest))
+    if page.quality is not None and isinstance(page.answer, RectifyResult):
+        page.answer.quality = page.quality.result()
     show_page(page.answer, embedded, image_format, page.text)
     return EncodedPage(part, page.answer, page.text, facts.dpi or DEFAULT_DPI, page.kept)
 
@@ -179,6 +185,8 @@ def make_page_reply(
     else:
         with timed("encode", timings_ms, ENCODING_BEGINS):
             encoded = encode_page(page, target, source, encoding)
+    if page.quality is not None and page.quality.is_beside:  # else it was timed where it was measured
+        timings_ms["quality"] = 1000 * page.quality.cpu_s
     page.answer.timings_ms = describe_timings(timings_ms)
     body = _bind([encoded], target, encoding)
     return PageReply(body, MEDIA_TYPES[target.format], page.answer, (page.kept,))

@@ -49,6 +49,7 @@ from services.rectify.preview_scale import (
 from services.rectify.results import RectifyResult
 from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface, Surface
+from services.side_by_side import SideStep
 
 
 def rectify_picture(
@@ -154,18 +155,22 @@ def describe_page(
             )
         if text.cut:
             result = replace(result, warnings=(*result.warnings, READING_CUT))
+    words = None if text is None else text.words
     with timed("quality", result.timings_ms):
-        quality = describe_quality(photo.pixels, result, words=None if text is None else text.words)
+        # Beside the encoding, where a processor is spare; else the photo's pixels are let go before it.
+        quality = SideStep(lambda: describe_quality(photo.pixels, result, words=words))
+        known = quality.result() if parameters.keep_photo or not quality.is_beside else None
     view = reduce_view(result, encoding)
-    page = whole = _document(result, view, parameters, photo, quality)
+    page = whole = _document(result, view, parameters, photo, known)
     # The look comes last: gray levels are read, and reduced, better than black and white.
     page = replace(page, image=scanner_look(view.image, parameters.illumination))
     height, width = view.image.shape[:2]
     if parameters.keep_photo:
         with timed("keeping", result.timings_ms):
             if view is not result:
-                whole = _document(result, result, parameters, photo, quality)
+                whole = _document(result, result, parameters, photo, known)
             page = replace(page, kept=keep_page(result, whole, parameters, photo, text))
+    page = replace(page, quality=quality)
     return page if text is None else replace(page, text=text.resized(width, height))
 
 

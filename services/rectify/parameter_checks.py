@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from services.arrays import Points
@@ -49,8 +50,8 @@ def check_parameters(width: int, height: int, parameters: RectifyParameters) -> 
     Raises
     ------
     InvalidOption
-        When the focal length is not plausible, the region lies outside of the photo, or the corners are those of no
-        sheet that a photo can show.
+        When the focal length is not plausible, the region lies outside of the photo or has no area, or the corners are
+        those of no sheet that a photo can show.
     """
     diagonal = float(np.hypot(width, height))
     if parameters.focal_length_px is not None and not 0.15 < parameters.focal_length_px / diagonal < 15.0:
@@ -64,6 +65,8 @@ def check_parameters(width: int, height: int, parameters: RectifyParameters) -> 
         beside = (corners.max(axis=0) < 0).any() or (corners.min(axis=0) > [width - 1, height - 1]).any()
         if beside:
             raise InvalidOption("region: the polygon lies outside of the photo.", "region")
+        if cv2.contourArea(corners.astype(np.float32)) <= 0:
+            raise InvalidOption("region: the polygon has no area; send points round the text.", "region")
     if parameters.page_corners is not None:
         _check_corners(np.array(parameters.page_corners), width, height)
 

@@ -1,6 +1,6 @@
 """The steps of `rectify`, in their order."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import get_args
 
@@ -10,7 +10,6 @@ from services.arrays import Points, RgbImage
 from services.contract.rectify import Crop, PageKind, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
-from services.geometry.page_frame import turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.heap import release_freed_memory
 from services.imaging.normalization import normalize_illumination
@@ -19,6 +18,7 @@ from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import FoundText, find_text
+from services.rectify.analysis.outline_search import OutlineSearch
 from services.rectify.analysis.page_analysis import PageAnalysis, analyse_briefly, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
 from services.rectify.analysis.text_beside import text_beside
@@ -40,19 +40,19 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import refusal_of_text
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.drawing import draw_flat_view, places_in_view
-from services.rectify.view.held_corners import end_at_corners, with_margin
+from services.rectify.view.drawing import places_in_view
+from services.rectify.view.held_corners import end_at_corners
 from services.rectify.view.judged_view import JudgedView, best_view, frame_view, judge_view
 from services.rectify.view.orientation import orient_page
 from services.rectify.view.paper_end import is_believed
 from services.rectify.view.paper_fit import fit_to_paper
 from services.rectify.view.print_kept import sheet_print
 from services.rectify.view.print_sample import sample_print
+from services.rectify.view.view_drawing import ViewDrawing
 from services.rectify.view.view_plan import ViewPlan, plan_view
-from services.sheet.outline.detection import find_outline
 from services.sheet.outline.given_corners import outline_between
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.outline_plane import read_sides
+from services.sheet.plane.outline_plane import SheetSides, read_sides
 from services.sheet.shape import PageShape
 
 FACING_PAGE = Notice(
@@ -140,28 +140,18 @@ def flatten_page(
     clock: StageClock,
 ) -> RectifyResult:
     """Flat view of a `page` whose shape is known: choose the frame, judge it, turn it upright, draw it."""
-    with clock.stage("framing"):
-        view = best_view(photo, page, parameters)
-    page, frame = view.page, view.frame
-    notices, analysis = [*page.notices, *view.notices], page.analysis
-    orientation = Orientation(parameters.page_turn or 0, False, None)
-    if parameters.upright and parameters.page_turn is None and page.corners is None:
-        with clock.stage("orientation"):
-            orientation, notice = orient_page(photo, analysis, frame, ocr)
-        notices += [notice] if notice else []
-    frame = turn_frame(frame, orientation.rotation_deg, orientation.mirrored)
-    stretch = None
-    if parameters.crop == "sheet":
-        frame, stretch = fit_to_paper(frame, page, parameters.paper)
-        if stretch is not None and page.corners is not None:
-            turned = np.roll(page.corners, orientation.rotation_deg // 90, axis=0)
-            frame = end_at_corners(frame, turned, (frame.width, frame.height))
-    paper = view.paper
-    if parameters.margin > 0:  # what lies around the cut is wanted
-        frame, paper = with_margin(frame, parameters.margin), None
-    release_freed_memory()
-    with clock.stage("remap"):
-        flat = draw_flat_view(photo, frame, paper)
+    with ViewDrawing(photo, parameters) as drawing:
+        with clock.stage("framing"):
+            view = best_view(photo, page, parameters, drawing.begin)
+        page, analysis = view.page, view.page.analysis
+        notices, orientation = [*page.notices, *view.notices], drawing.expected
+        if parameters.upright and parameters.page_turn is None and page.corners is None:
+            with clock.stage("orientation"):
+                orientation, notice = orient_page(photo, analysis, view.frame, ocr)
+            notices += [notice] if notice else []
+        release_freed_memory()
+        with clock.stage("remap"):
+            flat, frame, stretch = drawing.finish(view, orientation)
     if parameters.illumination != "keep":  # looks of a scanner are made of it
         with clock.stage("illumination"):
             places = None if analysis is None else places_in_view(frame, page.characters)
@@ -224,6 +214,8 @@ def find_page(
         if needs_text:
             raise
         return search.page_without_text(refusal)
+    finally:
+        search.outlines.end()
 
 
 @dataclass(slots=True, eq=False)
@@ -238,18 +230,18 @@ class _Search:
     effort: Effort
     clock: StageClock
     halves: Halves = field(init=False)
+    outlines: OutlineSearch = field(init=False)
     outline: SheetOutline | None = None
     sought: bool = False
 
     def __post_init__(self) -> None:
         self.halves = Halves(self.photo)
+        self.outlines = OutlineSearch(self.halves, self.view, self.prior, self.effort.outline)
 
     def seek_outline(self, seen: FoundText | PageAnalysis | None) -> None:
         """Look for the outline of the sheet on which the text is that was `seen`."""
         with self.clock.stage("outline"):
-            places = None if seen is None else seen.characters
-            height_px = None if seen is None else seen.text_height_px
-            self.outline = find_outline(self.halves, places, height_px, self.effort.outline)
+            self.outline = self.outlines.find(seen)
             self.sought = True
 
     def page_by_text(self) -> ShapedPage:
@@ -268,7 +260,8 @@ class _Search:
                 self.halves, text, self.effort.analysis, self.clock, in_region=in_region
             )
         else:
-            analysis = analyse_photo(self.halves, region, clock=self.clock)
+            begin = self.outlines.begin if region is None else None
+            analysis = analyse_photo(self.halves, region, clock=self.clock, on_text=begin)
             release_freed_memory()
             if region is None and not analysis.facing_page:
                 self.seek_outline(analysis)
@@ -287,7 +280,8 @@ class _Search:
                 )
             if flat is not None:
                 return flat
-        page = shape_page(analysis, self.view, self.prior, kind, self.clock, outline, self.effort)
+        read = self.outlines.read
+        page = shape_page(analysis, self.view, self.prior, kind, self.clock, outline, self.effort, read)
         return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
 
     def page_without_text(self, refusal: NoText) -> ShapedPage:
@@ -349,8 +343,11 @@ def shape_page(
     clock: StageClock,
     outline: SheetOutline | None = None,
     effort: Effort = WHOLE,
+    read: Callable[[SheetOutline | None], SheetSides | None] | None = None,
 ) -> ShapedPage:
     """The shape of a page whose text and flows are known; `prior` is that of the focal length.
+
+    `read` reads the sides of an outline in `view`, which may be known.
 
     Raises
     ------
@@ -366,8 +363,8 @@ def shape_page(
             cut = find_cut_borders(
                 analysis.characters, analysis.text_height_px, view.width, view.height, outline.polygon
             )
-            outline = leave_out_borders(outline, cut, view.width, view.height)
-        sheet = read_sides(outline, view, prior)
+            outline = leave_out_borders(outline, cut, view.width, view.height) if cut else outline
+        sheet = read_sides(outline, view, prior) if read is None else read(outline)
         view = view if sheet is None else sheet.view
         evidence = analysis.evidence(view)
         ranked = rank_shapes(evidence, prior, kind, outline, sheet)

@@ -1,6 +1,7 @@
 """The shape of a curved page: start, fit and check of the global developable surface."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -41,6 +42,7 @@ from services.sheet.sheet_edges import measure_sides
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO, StripsSurface
 from services.sheet.tracing.line_tracing import STRAIGHT, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines
+from services.side_by_side import SideStep
 from services.texture_flow.field import FlowSamples, mean_deviation
 
 # How the fit of the surface starts, and when its result is accepted.
@@ -293,8 +295,9 @@ def fit_flows(e: PageEvidence, prior: FocalPrior) -> FittedSurface:
     enough = GOOD_SHARE * (len(free.major) + len(free.minor))
     fits: list[FittedSurface] = []
     for start in starts:
-        fits.append(fit_surface(start, held, cauchy))
-        fits.append(fit_surface(fit_surface(start, free, soft).start, free, cauchy))
+        with SideStep(partial(fit_surface, start, held, cauchy)) as near_prior:
+            drawn = fit_surface(fit_surface(start, free, soft).start, free, cauchy)
+            fits += [near_prior.result(), drawn]
         if any(fit.cost < enough and implausibility(fit.surface, e.characters) is None for fit in fits):
             break
     likely = [fit for fit in fits if implausibility(fit.surface, e.characters) is None]

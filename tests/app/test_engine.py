@@ -37,6 +37,7 @@ from tests.app.jobs import (
     seconds_left,
     size_of,
     start_child_and_hang,
+    steps_beside,
     take_memory,
     threads_and_limits,
     warm_up_for_long,
@@ -93,6 +94,21 @@ def test_workers_have_one_thread_bounded_memory_and_a_group_of_their_own(
                 "core": 0,
                 "group": True,
             }
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize(("processors", "spare"), [(2, 1), (1, 0)])
+def test_work_uses_the_processors_of_idle_workers(tmp_path: Path, processors: int, spare: int) -> None:
+    async def check() -> None:
+        async with engine(workers=2, processors=processors) as pool:
+            assert await pool.submit(named(steps_beside)) == spare
+            other = asyncio.create_task(pool.submit(named(announce_and_wait), str(tmp_path)))
+            await until(lambda: pool.status().running == 1)
+            assert await pool.submit(named(steps_beside)) == 0
+            (tmp_path / "go").touch()
+            await other
+            assert await pool.submit(named(steps_beside)) == spare
 
     asyncio.run(check())
 

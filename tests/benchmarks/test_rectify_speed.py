@@ -9,8 +9,11 @@ from benchmarks.rectify.floor import run_floor
 from benchmarks.rectify.speed import SpeedFigures, format_speed, make_upload, unmet_wishes
 
 
-def figures(case: str, floor_s: float, ours_s: float, peak_mb: float = 200.0) -> SpeedFigures:
-    return SpeedFigures(case, Usage(floor_s, floor_s, 100.0), Usage(ours_s, ours_s, peak_mb), {"text": 7.0})
+def figures(
+    case: str, floor_s: float, ours_s: float, peak_mb: float = 200.0, wall_share: float = 0.6
+) -> SpeedFigures:
+    floor, ours = Usage(floor_s, floor_s, 100.0), Usage(ours_s, ours_s, peak_mb)
+    return SpeedFigures(case, floor, ours, wall_share, {"text": 7.0})
 
 
 def test_the_floor_gives_back_a_photo_of_the_same_size() -> None:
@@ -34,10 +37,10 @@ def test_what_is_wanted_does_not_depend_on_the_machine() -> None:
 
 
 def test_every_wish_is_named() -> None:
-    entry = figures("bent-12", 0.3, 3.0, 400.0)
+    entry = figures("bent-12", 0.3, 3.0, 400.0, 0.9)
     entry.peers["UVDoc"] = Usage(3.3, 3.3, 1700.0)
     told = unmet_wishes([entry, figures("planar-12", 0.3, 0.6), figures("planar-3", 0.1, 0.5)])
-    assert [line.split()[0] for line in told] == ["bent-12", "bent-12", "UVDoc", "3"]
+    assert [line.split()[0] for line in told] == ["bent-12", "bent-12", "bent-12", "UVDoc", "3"]
 
 
 def test_the_table_has_a_column_a_case_and_a_dash_where_a_peer_did_not_run() -> None:
@@ -49,6 +52,7 @@ def test_the_table_has_a_column_a_case_and_a_dash_where_a_peer_did_not_run() -> 
     }
     assert rows["ours"] == ["4.00", "3.00"]
     assert rows["UVDoc"] == ["12.00", "-"]
+    assert rows["wall of two threads / CPU"] == ["0.60", "0.60"]
     assert rows["text"] == ["0.03", "0.07"]
 
 

@@ -1,5 +1,6 @@
 """The evidence in one photo: its text and both texture flows, measured on reduced images."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -116,6 +117,7 @@ def analyse_photo(
     region: tuple[tuple[float, float], ...] | None = None,
     parameters: AnalysisParameters | None = None,
     clock: StageClock | None = None,
+    on_text: Callable[[FoundText], object] | None = None,
 ) -> PageAnalysis:
     """Find the text and both texture flows in a photo.
 
@@ -129,6 +131,8 @@ def analyse_photo(
         Working sizes.
     clock
         Receives the CPU time of the stages `text` and `texture_flow`.
+    on_text
+        Receives the dark print as soon as it is found, before its directions are measured and the main page is chosen.
 
     Returns
     -------
@@ -140,7 +144,7 @@ def analyse_photo(
     NoText
         When there are too few characters, or their lines show no common direction.
     """
-    return _analyse(photo, region, parameters, clock, is_spread=False)[0]
+    return _analyse(photo, region, parameters, clock, on_text, is_spread=False)[0]
 
 
 def analyse_spread(
@@ -155,7 +159,7 @@ def analyse_spread(
     NoText
         When there are too few characters on the main page, or their lines show no common direction.
     """
-    return _analyse(photo, region, None, clock, is_spread=True)
+    return _analyse(photo, region, None, clock, None, is_spread=True)
 
 
 def _analyse(
@@ -163,6 +167,7 @@ def _analyse(
     region: tuple[tuple[float, float], ...] | None,
     parameters: AnalysisParameters | None,
     clock: StageClock | None,
+    on_text: Callable[[FoundText], object] | None,
     *,
     is_spread: bool,
 ) -> tuple[PageAnalysis, ...]:
@@ -175,7 +180,8 @@ def _analyse(
         try:
             halves = Halves.of(photo)
             seen = Halves(np.asarray(255 - halves.image, np.uint8)) if negative else halves
-            pages = _analyse_dark_print(seen, region, p, clock, is_spread=is_spread)
+            tell = None if negative else on_text
+            pages = _analyse_dark_print(seen, region, p, clock, tell, is_spread=is_spread)
             found.append(tuple(_with_positive(page, photo) for page in pages) if negative else pages)
         except NoText as refusal:
             refusals.append(refusal)
@@ -197,12 +203,15 @@ def _analyse_dark_print(
     region: tuple[tuple[float, float], ...] | None,
     p: AnalysisParameters,
     clock: StageClock,
+    on_text: Callable[[FoundText], object] | None,
     *,
     is_spread: bool,
 ) -> tuple[PageAnalysis, ...]:
     """`analyse_photo` or `analyse_spread` for dark print on light paper."""
     with clock.stage("text"):
         seen = find_text(photo, region, p)
+    if on_text is not None:
+        on_text(seen)
     factor, text = seen.factor, seen.text
     with clock.stage("texture_flow"):
         flows = _measure_flows(seen, text, p)

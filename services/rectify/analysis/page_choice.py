@@ -9,12 +9,13 @@ which there are two margins.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, Points, RgbImage, Vector
+from services.arrays import Points, RgbImage, Vector
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import log_brightness
 from services.imaging.long_edges import LONG_SIDE_PX, LongEdge, LongEdgeParameters, find_long_edges
@@ -29,6 +30,7 @@ from services.rectify.analysis.gutter import (
     row_gap,
 )
 from services.rectify.analysis.photo_border import NEAR_BORDER
+from services.side_by_side import SideStep
 from services.texture_flow.field import FlowSamples
 from services.texture_flow.text_identification import FEWEST_CHARACTERS
 
@@ -218,35 +220,50 @@ def _divides(photo: Halves, text: _Text, direction_rad: float) -> list[_Divide]:
     """Long edges across the text lines, near to which there are almost no characters."""
     factor = min(1.0, LONG_SIDE_PX / max(text.size))
     small = reduce_image(photo, factor, least_side_px=8, fine=False)
-    size = (small.shape[1], small.shape[0])
     brightness = log_brightness(small)
     cos, sin = np.cos(direction_rad), np.sin(direction_rad)
+
+    def divides_at(slope: float) -> list[_Divide]:
+        return _divides_along(brightness, factor, text, (cos, sin), slope)
+
+    others = [SideStep(partial(divides_at, slope)) for slope in SLOPES[1:]]
+    return divides_at(SLOPES[0]) + [divide for step in others for divide in step.result()]
+
+
+def _divides_along(
+    brightness: NDArray[np.float32], factor: float, text: _Text, direction: tuple[float, float], slope: float
+) -> list[_Divide]:
+    """Those of about this `slope` against the strokes, in the `brightness` (h, w) of the photo resized by `factor`.
+
+    `direction` is the cosine and sine of the text lines' direction.
+    """
+    size = (brightness.shape[1], brightness.shape[0])
+    cos, sin = direction
     found = []
-    for slope in SLOPES:
-        A = np.array([[1.0, -slope], [0.0, 1.0]]) @ np.array([[cos, sin], [-sin, cos]])
-        corners = np.array([[0, 0], [size[0], 0], [0, size[1]], size]) @ A.T
-        low = corners.min(axis=0)
-        width, height = (int(v) for v in np.ceil(corners.max(axis=0) - low))
-        turn = np.column_stack([A, -low])
-        turned = cv2.warpAffine(brightness, turn, (width, height), flags=cv2.INTER_LINEAR)
-        inside = np.pad(np.ones((size[1] - 4, size[0] - 4), np.uint8), 2)
-        shown = cv2.warpAffine(inside, turn, (width, height), flags=cv2.INTER_NEAREST).astype(bool)
+    A = np.array([[1.0, -slope], [0.0, 1.0]]) @ np.array([[cos, sin], [-sin, cos]])
+    corners = np.array([[0, 0], [size[0], 0], [0, size[1]], size]) @ A.T
+    low = corners.min(axis=0)
+    width, height = (int(v) for v in np.ceil(corners.max(axis=0) - low))
+    turn = np.column_stack([A, -low])
+    turned = cv2.warpAffine(brightness, turn, (width, height), flags=cv2.INTER_LINEAR)
+    inside = np.pad(np.ones((size[1] - 4, size[0] - 4), np.uint8), 2)
+    shown = cv2.warpAffine(inside, turn, (width, height), flags=cv2.INTER_NEAREST).astype(bool)
 
-        def place(points: Points, A: Floats = A, low: Vector = low) -> Points:
-            return np.asarray(to_resized(points, factor) @ A.T - low)
+    def place(points: Points) -> Points:
+        return np.asarray(to_resized(points, factor) @ A.T - low)
 
-        def replace(points: Points, A: Floats = A, low: Vector = low) -> Points:
-            return from_resized((points + low) @ np.linalg.inv(A).T, factor)
+    def replace(points: Points) -> Points:
+        return from_resized((points + low) @ np.linalg.inv(A).T, factor)
 
-        at, samples = place(text.characters), place(text.major.points)
-        along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))
-        for edge in find_long_edges(np.asarray(turned), shown, along, width, EDGES):
-            away = (at[:, 0] - edge.at(at[:, 1])) / factor
-            if (np.abs(away) < NEAR * text.height).sum() <= NEAR_SHARE * len(at):
-                across = (samples[:, 0] - edge.at(samples[:, 1])) / factor
-                rows = np.linspace(0, height - 1, 60)
-                line = replace(np.column_stack([edge.at(rows), rows]))
-                found.append(_Divide(edge, line, away, at[:, 1] / factor, across, samples[:, 1] / factor))
+    at, samples = place(text.characters), place(text.major.points)
+    along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))
+    for edge in find_long_edges(np.asarray(turned), shown, along, width, EDGES):
+        away = (at[:, 0] - edge.at(at[:, 1])) / factor
+        if (np.abs(away) < NEAR * text.height).sum() <= NEAR_SHARE * len(at):
+            across = (samples[:, 0] - edge.at(samples[:, 1])) / factor
+            rows = np.linspace(0, height - 1, 60)
+            line = replace(np.column_stack([edge.at(rows), rows]))
+            found.append(_Divide(edge, line, away, at[:, 1] / factor, across, samples[:, 1] / factor))
     return found
 
 

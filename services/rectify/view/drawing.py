@@ -1,5 +1,8 @@
 """Drawing of a view by one remap of the photo, for flat and for bent pages."""
 
+import threading
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,7 @@ from services.imaging.node_grid import (
     node_grid,
     take_values,
 )
+from services.side_by_side import SideStep
 
 MASK_SIDE_PX = 500
 """Long side of the image that tells which nodes are near the paper's edge."""
@@ -43,7 +47,9 @@ def draw_gray_view(
         )
         return np.asarray(flat, np.uint8)
     view = np.full((frame.height, frame.width), 255, np.uint8)
-    _remap(gray, photo_nodes(frame) - origin, factor, cv2.INTER_LINEAR, view)
+    to_gray = _BandMap(photo_nodes(frame) - origin, factor)
+    for top in range(0, frame.height, BAND_PX):
+        to_gray.draw(gray, top, cv2.INTER_LINEAR, view[top : top + BAND_PX])
     return view
 
 
@@ -64,25 +70,73 @@ def draw_flat_view(photo: RgbImage, frame: Frame, paper: Points | None = None) -
     RgbImage
         (frame.height, frame.width, 3); white where the photo ends.
     """
-    nodes: Floats | None = None
-    if frame.H_photo_flat is not None:
-        flat = np.asarray(
+    drawing = FlatDrawing(photo, frame, paper)
+    with SideStep(drawing.draw) as beside:
+        drawing.draw()
+        beside.result()
+    return drawing.finish()
+
+
+class FlatDrawing:
+    """The drawing of `draw_flat_view`, in which several threads may take part.
+
+    Nothing is computed before one draws. Bands of rows are the same whoever draws them.
+    """
+
+    def __init__(self, photo: RgbImage, frame: Frame, paper: Points | None) -> None:
+        self._photo = photo
+        self._frame = frame
+        self._paper = paper
+        self._preparing = threading.Lock()
+        self._flat: RgbImage | None = None
+        self._nodes: Floats | None = None
+        self._map: _BandMap | None = None
+        self._tops: Iterator[int] = iter(())
+
+    def draw(self) -> None:
+        """Draw bands until none is left that no other thread draws."""
+        flat = self._prepare()
+        frame = self._frame
+        for top in self._tops:
+            band = flat[top : top + BAND_PX]
+            if frame.H_photo_flat is None:
+                assert self._map is not None
+                self._map.draw(self._photo, top, cv2.INTER_CUBIC, band)
+                continue
             cv2.warpPerspective(
-                photo,
-                frame.H_photo_flat,
-                (frame.width, frame.height),
+                self._photo,
+                frame.H_photo_flat @ translation(0.0, float(top)),
+                (frame.width, len(band)),
+                dst=band,
                 flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_CONSTANT,
                 borderValue=(255.0, 255.0, 255.0),
-            ),
-            np.uint8,
-        )
-    else:
-        flat = np.full((frame.height, frame.width, 3), 255, np.uint8)
-        nodes = photo_nodes(frame)
-        _remap(photo, nodes, 1.0, cv2.INTER_CUBIC, flat)
-    if paper is not None:
-        whiten_beyond(flat, frame, paper, nodes)
-    return flat
+            )
+
+    def stop(self) -> None:
+        """Let no other band be drawn: the view is not wanted."""
+        self._prepare()
+        for _ in self._tops:
+            pass
+
+    def finish(self) -> RgbImage:
+        """The view, when all threads have drawn."""
+        flat = self._prepare()
+        if self._paper is not None:
+            whiten_beyond(flat, self._frame, self._paper, self._nodes)
+        return flat
+
+    def _prepare(self) -> RgbImage:
+        with self._preparing:
+            if self._flat is None:
+                frame = self._frame
+                if frame.H_photo_flat is None:
+                    self._nodes = photo_nodes(frame)
+                    self._map = _BandMap(self._nodes, 1.0)
+                self._flat = np.full((frame.height, frame.width, 3), 255, np.uint8)
+                # `next` of a range's iterator hands out each band once, whichever thread asks.
+                self._tops = iter(range(0, frame.height, BAND_PX))
+            return self._flat
 
 
 def places_in_view(frame: Frame, photo: Points) -> Points:
@@ -177,22 +231,18 @@ def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
                 tile[between_nodes(near, tile.shape[1], tile.shape[0]) < 0] = 255
 
 
-def _remap(
-    image: NDArray[np.uint8],
-    nodes_in_photo: Floats,
-    factor: float,
-    interpolation: int,
-    flat: NDArray[np.uint8],
-) -> None:
-    """Draw `image`, the photo resized by `factor`, into `flat` through the map at its nodes, band by band."""
-    height, width = flat.shape[:2]
-    all_nodes = to_resized(nodes_in_photo, factor)
-    all_known = continuous_nodes(all_nodes, MAX_REDUCTION * factor)
-    white = (255.0,) * (1 if image.ndim == 2 else 3)
-    for top in range(0, height, BAND_PX):
-        rows = min(BAND_PX, height - top)
+class _BandMap:
+    """The map of a view to the photo resized by `factor`, by its nodes (rows, columns, 2) in the photo."""
+
+    def __init__(self, nodes_in_photo: Floats, factor: float) -> None:
+        self._nodes = to_resized(nodes_in_photo, factor)
+        self._known = continuous_nodes(self._nodes, MAX_REDUCTION * factor)
+
+    def draw(self, image: NDArray[np.uint8], top: int, interpolation: int, band: NDArray[np.uint8]) -> None:
+        """Draw `image` into the `band` of the view whose first row is `top`, a multiple of the nodes' step."""
+        rows, width = band.shape[:2]
         near = band_nodes(top, rows)
-        nodes, known = all_nodes[near], all_known[near]
+        nodes, known = self._nodes[near], self._known[near]
         x, y = (
             between_nodes(np.where(known, nodes[..., axis], 0.0).astype(np.float32), width, rows)
             for axis in (0, 1)
@@ -200,6 +250,5 @@ def _remap(
         if not known.all():
             # A pixel next to an unknown node is mapped to a place outside the photo.
             x[between_nodes(known.astype(np.float32), width, rows) < 0.999] = -1e6
-        flat[top : top + rows] = cv2.remap(
-            image, x, y, interpolation, borderMode=cv2.BORDER_CONSTANT, borderValue=white
-        )
+        white = (255.0,) * (1 if image.ndim == 2 else 3)
+        cv2.remap(image, x, y, interpolation, dst=band, borderMode=cv2.BORDER_CONSTANT, borderValue=white)

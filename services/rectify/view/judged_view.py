@@ -3,9 +3,8 @@
 A view that is not flat is tried again with the next shape, once.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from services.arrays import Floats, Points, RgbImage
 from services.contract.rectify import Crop, RectifyParameters
@@ -17,6 +16,7 @@ from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.held_corners import end_at_corners, hold_corners
 from services.rectify.view.paper_end import find_paper_end
 from services.rectify.view.print_kept import (
+    count_cut_letters,
     grow_to_print,
     kept_print,
     print_notices,
@@ -31,6 +31,10 @@ CLEARLY_FLATTER = 0.7
 STRAIGHT_LINES = 0.06
 """RMS deviation of text lines from level ones, in text heights, that is hardly seen: flat pages have 0.04. The next
 shape may not leave lines less straight than that, unless the first one does."""
+
+
+Framed = Callable[[ShapedPage, Frame, Points | None], object]
+"""Takes a page, the frame of its view and its paper, as of `JudgedView`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,52 +58,65 @@ class JudgedView:
         return None if self.flatness is None else self.flatness.error_percent
 
 
-def best_view(photo: RgbImage, page: ShapedPage, parameters: RectifyParameters) -> JudgedView:
-    """The view of `page`, or that by its next shape where the first is not flat and the second clearly is flatter."""
-    view = judge_view(photo, page, parameters.crop)
+def best_view(
+    photo: RgbImage, page: ShapedPage, parameters: RectifyParameters, framed: Framed | None = None
+) -> JudgedView:
+    """The view of `page`, or that by its next shape where the first is not flat and the second clearly is flatter.
+
+    `framed` receives the first one before it is measured: mostly it is the one.
+    """
+    view = judge_view(photo, page, parameters.crop, framed=framed)
     if view.flatness is None or view.flatness.passes:
         return view
     other = next(page.others, None)
     if other is not None:
         again = judge_view(photo, other, parameters.crop)
-        if again.flatness is not None and _is_clearly_flatter(again.flatness, view.flatness):
-            # A bent sheet was chosen for straighter lines, rules among them, which are not traced again here.
-            unbends = page.shape.kind == "curved" and other.shape.kind == "planar"
-            if not unbends or _is_straighter(again.flatness, view.flatness):
-                view = again
+        if is_flatter(other, again.flatness, page, view.flatness):
+            view = again
     if view.flatness is None or view.flatness.passes:
         return view
     return replace(view, notices=(*view.notices, not_flat(view.flatness.shown_percent)))
 
 
-def _is_straighter(again: Flatness, first: Flatness) -> bool:
-    """Whether the second view has clearly straighter lines."""
-    return (again.line_straightness or np.inf) < CLEARLY_FLATTER * (first.line_straightness or 0.0)
+def is_flatter(page: ShapedPage, flatness: Flatness | None, before: ShapedPage, known: Flatness) -> bool:
+    """Whether the view of `page` is clearly flatter than the one `before`, whose flatness is `known`.
+
+    It has a smaller error to expect, and lines that are as straight or straight enough. A bent sheet was chosen for
+    straighter lines, rules among them, which are not traced again here: a plane in its place must straighten them.
+    """
+    if flatness is None or flatness.shown_percent >= CLEARLY_FLATTER * known.shown_percent:
+        return False
+    found, first = flatness.line_straightness or 0.0, known.line_straightness or 0.0
+    if before.shape.kind == "curved" and page.shape.kind == "planar":
+        return flatness.line_straightness is not None and found < CLEARLY_FLATTER * first
+    return found <= max(first, STRAIGHT_LINES)
 
 
-def _is_clearly_flatter(again: Flatness, first: Flatness) -> bool:
-    """Whether the second view has a smaller error to expect, and lines that are as straight or straight enough."""
-    straight = max(first.line_straightness or 0.0, STRAIGHT_LINES)
-    smaller = again.shown_percent < CLEARLY_FLATTER * first.shown_percent
-    return smaller and (again.line_straightness or 0.0) <= straight
-
-
-def judge_view(photo: RgbImage, page: ShapedPage, crop: Crop, effort: Effort = WHOLE) -> JudgedView:
+def judge_view(
+    photo: RgbImage,
+    page: ShapedPage,
+    crop: Crop,
+    effort: Effort = WHOLE,
+    framed: Framed | None = None,
+) -> JudgedView:
     """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it.
 
-    By a brief `effort` it is cut at the outline alone, and how flat it is is not measured.
+    By a brief `effort` it is cut at the outline alone, and how flat it is is not measured. `framed` receives the frame,
+    and the paper, as soon as they are known.
     """
     boxes = sheet_print(page)
     frame, white = frame_view(photo, page, crop, boxes, effort)
+    if framed is not None:
+        framed(page, frame, white)
     kept = kept_print(frame, boxes, white)
-    size = (photo.shape[1], photo.shape[0])
+    cut_letters = 0 if effort.is_brief else count_cut_letters(page, boxes)
     return JudgedView(
         page,
         frame,
         white,
         None if effort.is_brief else measure_flatness(page, frame),
         share_kept(boxes, kept),
-        print_notices(boxes, kept, size, page.text_height_px),
+        print_notices(kept, cut_letters),
     )
 
 

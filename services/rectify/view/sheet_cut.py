@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from services.arrays import Mask, Points, RgbImage
+from services.arrays import Mask, Points, RgbImage, Vector
 from services.geometry.homographies import translation
 from services.geometry.page_frame import Frame, resize_frame
 from services.imaging.channels import luminance
@@ -17,6 +17,7 @@ from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.effort import WHOLE, Effort
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.drawing import draw_flat_view
+from services.rectify.view.flatness import NOT_FLAT_PERCENT
 from services.rectify.view.paper_end import PaperEnd
 from services.sheet.outline.results import SheetOutline
 
@@ -80,12 +81,25 @@ def cut_to_outline(
         axis = 0 if upright else 1
         if abs(way[axis]) > MAX_SLOPE * abs(way[1 - axis]):
             continue
-        place, before = float(middle[axis]), bool(middle[axis] < centre[axis])
+        before = bool(middle[axis] < centre[axis])
+        place = float(_cut_place(points[:, axis], frame.width, before=before, believed=believed))
         beyond = text[:, axis] < place if before else text[:, axis] > place
         if len(text) and beyond.mean() > STRAY_SHARE:
             continue
         found[("left" if before else "right") if upright else ("top" if before else "bottom")] = place
     return crop_frame(frame, SheetEdges(**found)), frozenset(found)
+
+
+def _cut_place(places: Vector, width: int, *, before: bool, believed: bool) -> float:
+    """Where a side whose points lie at `places` (N,) along an axis of a view of `width` pixels is cut.
+
+    In the middle of them; of a side that waves, as on crumpled paper, at the outermost one: beyond a `believed` outline
+    the view is white, but paper that is cut off is lost with its print.
+    """
+    middle = float(np.median(places))
+    outermost = float(places.min() if before else places.max())
+    waves = abs(outermost - middle) > NOT_FLAT_PERCENT / 100 * width
+    return outermost if believed and waves else middle
 
 
 def crop_to_gutter(frame: Frame, analysis: PageAnalysis) -> Frame:

@@ -64,14 +64,17 @@ def test_a_shadow_on_text_is_no_picture() -> None:
     assert np.array_equal(view, normalize_illumination(photo))
 
 
-@pytest.mark.parametrize(("colour", "is_picture"), [((0.3, 0.5, 0.8), True), ((0.5, 0.5, 0.5), False)])
+@pytest.mark.parametrize(
+    ("colour", "text_from", "is_picture"),
+    [((0.3, 0.5, 0.8), 220, True), ((0.3, 0.5, 0.8), 160, True), ((0.5, 0.5, 0.5), 220, False)],
+)
 def test_a_dark_part_at_the_border_is_a_picture_if_it_is_coloured(
-    colour: tuple[float, float, float], is_picture: bool
+    colour: tuple[float, float, float], text_from: int, is_picture: bool
 ) -> None:
-    """A gray one may be the shadow of a hand."""
+    """A gray one may be the shadow of a hand. Text that begins just beside it is not in it."""
     page = set_page(*SHAPE)
     light_print = 0.5 + 0.5 * page[:, 300:450, None]
-    page[:, :220] = 1.0
+    page[:, :text_from] = 1.0
     characters = characters_of(page)
     reflectance = np.repeat(page[..., None], 3, axis=2)
     reflectance[BORDER] = light_print * colour

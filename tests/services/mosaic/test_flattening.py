@@ -5,18 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.common.residuals import similarity_residual
 from services.contract.cameras import CameraMemory
 from services.errors import NoText
-from services.geometry.focal_prior import FocalPrior
+from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.homographies import jacobians, scaling, transform_points
 from services.mosaic import flattening
 from services.mosaic.flat_photo import trust_by_error
 from services.mosaic.flattening import flatten_photo, take_as_flat, view_again, view_photo
 from services.rectify import pipeline
+from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.flatness import Flatness
+from services.sheet.curved_page import estimate_curved_page
 from services.sheet.plane.framing import FlatFrame
+from services.sheet.plane.pose import choose_pose
+from services.sheet.shape import NoShape
 from tests.services.mosaic.views import look_at, page_image, photograph
+from tests.services.scenes import Album
 
 pytestmark = pytest.mark.pipeline
 
@@ -57,6 +63,26 @@ def test_a_view_that_shows_that_it_is_not_flat_says_so_until_it_is_viewed_again(
     flat = flatten_photo(0, photograph(page_image(), TILTED, 1000, 1400), None, StageClock())
     assert [notice.code for notice in flat.notices] == codes
     assert view_again(flat, flat.frame).notices == ()
+
+
+@pytest.mark.parametrize("has_next", [True, False])
+def test_a_bent_page_that_was_taken_for_a_plane_is_laid_flat_by_its_next_shape(
+    has_next: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot = Album()["book"]
+    prior = typical_focal_prior()
+    plane, bent = choose_pose(shot.evidence, prior), estimate_curved_page(shot.evidence, prior)
+    assert not isinstance(bent, NoShape)
+    page = ShapedPage(shot.frame, plane, (), None, shot.analysis, shot.evidence.vanishing_points)
+    page = replace(page, others=iter([replace(page, shape=bent)] if has_next else []))
+    monkeypatch.setattr(flattening, "find_page", lambda *_, **__: page)
+    flat = flatten_photo(0, shot.photo.image, None, StageClock())
+    assert flat.page is not None
+    assert flat.page.shape.kind == ("curved" if has_next else "planar")
+    assert [notice.code for notice in flat.notices] == ([] if has_next else ["not-flat"])
+    truth, at = shot.truth, shot.text_points
+    error = similarity_residual(flat.frame.to_flat(at), truth.photo_to_page(at)) / truth.page.width
+    assert (error < 0.004) == has_next
 
 
 def test_the_remembered_camera_takes_part_in_the_pose(monkeypatch: pytest.MonkeyPatch) -> None:

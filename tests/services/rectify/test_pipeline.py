@@ -20,6 +20,7 @@ from services.rectify.results import RectifyResult
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.surfaces import StripsSurface
+from services.side_by_side import spare_processors
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
 from simulation.photo import SimulatedPhoto
@@ -55,6 +56,15 @@ def test_its_stages_are_told_as_they_begin(result: RectifyResult, reports: list[
     begins = [fraction for _, fraction in sorted(dict(reports).items(), key=lambda report: report[1])]
     assert begins == list(dict(reports).values())
     assert begins[0] == 0.0 < begins[-1] < 1.0
+
+
+def test_two_threads_find_the_same_page(photo: SimulatedPhoto, result: RectifyResult) -> None:
+    with spare_processors(lambda: 1):
+        beside = rectify(photo.image, AS_IT_LIES)
+    assert np.array_equal(beside.image, result.image)
+    assert np.array_equal(beside.mesh, result.mesh)
+    assert beside.evidence == result.evidence
+    assert list(beside.timings_ms) == list(result.timings_ms)
 
 
 def mesh_residual(result: RectifyResult, photo: SimulatedPhoto) -> float:
@@ -207,7 +217,12 @@ def test_a_region_guides(photo: SimulatedPhoto, result: RectifyResult) -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"focal_length_px": 1.0}, {"focal_length_px": 1e9}, {"region": ((-9.0, -9.0), (-5, -9), (-5, -5))}],
+    [
+        {"focal_length_px": 1.0},
+        {"focal_length_px": 1e9},
+        {"region": ((-9.0, -9.0), (-5, -9), (-5, -5))},
+        {"region": ((9.0, 9.0), (90, 90), (50, 50))},
+    ],
 )
 def test_options_that_the_photo_cannot_have_are_refused(wrong: dict, photo: SimulatedPhoto) -> None:
     with pytest.raises(InvalidOption, match=next(iter(wrong))) as caught:

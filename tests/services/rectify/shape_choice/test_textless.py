@@ -13,6 +13,7 @@ from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify import pipeline
+from services.rectify.analysis import outline_search
 from services.rectify.page_description import describe_camera, describe_evidence
 from services.rectify.pipeline import find_page
 from services.rectify.shape_choice.shaped_page import ShapedPage
@@ -191,7 +192,7 @@ def test_the_outline_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None
     def refuse(*_: object) -> None:
         raise REFUSAL
 
-    monkeypatch.setattr(pipeline, "find_outline", look)
+    monkeypatch.setattr(outline_search, "find_outline", look)
     monkeypatch.setattr(pipeline, "shape_page", refuse)
     page = find_page(shot.image, RectifyParameters(), None, StageClock())
     assert page.analysis is None

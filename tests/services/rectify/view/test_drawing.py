@@ -1,5 +1,6 @@
 """A bent page is drawn from where its frame says, whole, seamlessly, and white where there is nothing to show."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import cv2
@@ -8,11 +9,11 @@ import pytest
 
 from services.arrays import Points, RgbImage
 from services.geometry.homographies import transform_points, translation
-from services.geometry.page_frame import mesh_of, resize_frame, turn_frame
+from services.geometry.page_frame import Frame, mesh_of, resize_frame, turn_frame
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging import node_grid
 from services.rectify.view import drawing
-from services.rectify.view.drawing import draw_flat_view, draw_gray_view
+from services.rectify.view.drawing import FlatDrawing, draw_flat_view, draw_gray_view
 from services.sheet.developable.surface import bend_basis
 from services.sheet.framing import CurvedFrame, frame_curved_page
 from services.sheet.plane.framing import FlatFrame
@@ -96,6 +97,27 @@ def test_a_coarse_grid_is_as_good_as_a_fine_one(photo: RgbImage, monkeypatch: py
     fine = draw_flat_view(photo, frame)
     shown = (usual < 255).all(axis=2) & (fine < 255).all(axis=2)
     assert 0 < np.abs(usual - fine)[shown].mean() < 0.5
+
+
+@pytest.mark.parametrize("kind", ["bent", "flat"])
+def test_threads_draw_the_same_view_together(photo: RgbImage, kind: str) -> None:
+    frame: Frame = SEEN.frame()
+    if kind == "flat":
+        H_photo_flat = np.array([[0.9, 0.05, 20.0], [-0.04, 0.95, 60.0], [1e-5, 2e-5, 1.0]])
+        frame = FlatFrame(H_photo_flat, frame.width, frame.height)
+    usual = draw_flat_view(photo, frame)
+    shared = FlatDrawing(photo, frame, None)
+    with ThreadPoolExecutor(3) as threads:
+        for _ in range(3):
+            threads.submit(shared.draw)
+    assert np.array_equal(shared.finish(), usual)
+
+
+def test_a_stopped_drawing_draws_no_other_band(photo: RgbImage) -> None:
+    stopped = FlatDrawing(photo, SEEN.frame(), None)
+    stopped.stop()
+    stopped.draw()
+    assert (stopped.finish() == 255).all()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (33, 1), (16, 512), (17, 513)])

@@ -48,6 +48,19 @@ class BentFrame(FlatFrame):
         return pixels + self.bend * self.width * np.column_stack([down**2, across**2])
 
 
+@dataclass(frozen=True, eq=False)
+class KinkedFrame(FlatFrame):
+    """A view whose right lower quarter is turned aside at a kink, by `slope`, as by folds that no mesh followed."""
+
+    slope: float = 0.0
+
+    def to_flat(self, photo: Points) -> Points:
+        """See `Frame`."""
+        pixels = FlatFrame.to_flat(self, photo)
+        beyond = np.maximum(pixels[:, 0] - 0.6 * self.width, 0.0) * (pixels[:, 1] > 0.6 * self.height)
+        return pixels + self.slope * np.column_stack([np.zeros(len(pixels)), beyond])
+
+
 @pytest.mark.parametrize("name", ["plain", "columns", "dirty"])
 def test_a_flat_view_expects_little(album: Album, name: str) -> None:
     page = as_plane(album[name])
@@ -72,6 +85,23 @@ def test_a_bent_view_asks_to_be_moved_by_its_bend(album: Album) -> None:
     true = 100 * 0.08 * float(np.hypot(*[np.std(np.linspace(-0.5, 0.5, 99) ** 2)] * 2))
     assert 0.5 * true < asked[1] < 1.3 * true
     assert asked[0] < 0.15 * true
+
+
+def test_a_kink_that_no_smooth_field_follows_is_seen_in_the_lines(album: Album) -> None:
+    page = as_plane(album["plain"])
+    flat = page.frame(None, "text")
+    assert isinstance(flat, FlatFrame)
+    shown = []
+    for slope in (0.0, 0.1):
+        found = measure_flatness(page, KinkedFrame(flat.H_photo_flat, flat.width, flat.height, slope))
+        assert found is not None
+        shown.append(found)
+    assert shown[0].passes
+    assert shown[0].lines_percent < 0.02
+    # Lines within the kinked quarter rise by up to 4 % of the width: over the page their distance from level is a
+    # fifth of a percent to one.
+    assert 0.2 < shown[1].lines_percent < 1.0
+    assert not shown[1].passes
 
 
 def test_sides_say_more_than_text(album: Album) -> None:

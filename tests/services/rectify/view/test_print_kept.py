@@ -8,9 +8,12 @@ import pytest
 from services.arrays import Floats, Points
 from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.homographies import transform_points
+from services.geometry.photo_frame import PhotoFrame
+from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.judged_view import judge_view
 from services.rectify.view.print_kept import (
+    count_cut_letters,
     grow_to_print,
     kept_print,
     print_notices,
@@ -78,12 +81,42 @@ def test_what_is_drawn_white_is_not_kept() -> None:
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_print_at_the_photos_border_is_said_from_a_few_characters_on(count: int) -> None:
-    low = np.array([[0.0, 100.0 + 40 * k] for k in range(count)]) - 0.5
-    cut = low[:, None] + 10 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    notices = print_notices(cut, np.ones(count, bool), (600, 800), 12.0)
-    assert [notice.code for notice in notices] == ["print-cut"] * (count >= 3)
-    assert not print_notices(cut + 5.0, np.ones(count, bool), (600, 800), 12.0)
+def test_cut_print_is_said_from_a_few_characters_on(count: int) -> None:
+    lost = np.arange(40) >= count
+    for notices in (print_notices(np.ones(40, bool), count), print_notices(lost, 0)):
+        assert [notice.code for notice in notices] == ["print-cut"] * (count >= 3)
+    # Of so much print as many are strays.
+    assert not print_notices(np.arange(4000) >= count, 0)
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_a_line_that_the_photos_border_halves_is_counted(shot: Shot, turns: int) -> None:
+    page = flat_page(shot)
+    photo = shot.photo.image
+    low = sheet_print(page).max(axis=(0, 1))[1]
+    letters = sheet_print(page)
+    row = letters[np.abs(letters[:, :, 1].max(axis=1) - low) < page.text_height_px]
+    at = round(float(row.mean(axis=(0, 1))[1]))
+    counts = []
+    # The border lies within the last line, or well below it.
+    for end in (at, at + round(2.0 * page.text_height_px)):
+        seen = np.ascontiguousarray(np.rot90(photo[:end], turns))
+        analysis = analyse_photo(seen)
+        cut = replace(page, view=PhotoFrame(seen.shape[1], seen.shape[0]), analysis=analysis)
+        counts.append(count_cut_letters(cut, sheet_print(cut)))
+    assert counts[0] >= 0.5 * len(row)
+    assert counts[1] == 0
+
+
+def test_grain_at_the_border_is_no_print(shot: Shot) -> None:
+    photo = shot.photo.image.copy()
+    page = flat_page(shot)
+    low, high = (round(float(v)) for v in np.quantile(sheet_print(page)[:, :, 0], [0.0, 1.0]))
+    end = round(float(sheet_print(page)[:, :, 1].max() + 2.0 * page.text_height_px))
+    grain = np.random.default_rng(0).integers(0, 2, (round(page.text_height_px), high - low), np.uint8)
+    photo[end - len(grain) : end, low:high] = 255 * grain[..., None]
+    cut = replace(page, analysis=analyse_photo(photo[:end]))
+    assert count_cut_letters(cut, sheet_print(cut)) == 0
 
 
 def test_all_print_of_a_page_is_the_sheets(shot: Shot) -> None:

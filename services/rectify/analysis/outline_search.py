@@ -1,0 +1,74 @@
+"""The search for the sheet's outline, beside that for the directions of its text where a processor is spare."""
+
+import numpy as np
+
+from services.arrays import Points
+from services.geometry.focal_prior import FocalPrior
+from services.geometry.photo_frame import PhotoFrame
+from services.imaging.reduction import Halves
+from services.rectify.analysis.found_text import FoundText
+from services.rectify.analysis.page_analysis import PageAnalysis
+from services.sheet.outline.detection import OutlineParameters, find_outline
+from services.sheet.outline.results import SheetOutline
+from services.sheet.plane.outline_plane import SheetSides, read_sides
+from services.side_by_side import SideStep
+
+_Seen = tuple[SheetOutline | None, SheetSides | None]
+
+
+class OutlineSearch:
+    """Seeks the outline of the sheet in `photo`, whose frame is `view`, and reads its sides."""
+
+    def __init__(
+        self,
+        photo: Halves,
+        view: PhotoFrame,
+        prior: FocalPrior,
+        parameters: OutlineParameters | None = None,
+    ) -> None:
+        self._photo = photo
+        self._view = view
+        self._prior = prior
+        self._parameters = parameters
+        self._begun: tuple[FoundText, SideStep[_Seen]] | None = None
+        self._read: _Seen | None = None
+
+    def begin(self, seen: FoundText) -> None:
+        """Begin, if a processor is spare, with all text that was `seen`: mostly all of it lies on the sheet."""
+        self.end()
+        step = SideStep(lambda: self._seek_and_read(seen))
+        if step.is_beside:
+            self._begun = seen, step
+
+    def find(self, seen: FoundText | PageAnalysis | None) -> SheetOutline | None:
+        """The outline of the sheet on which the text is that was `seen`; None where no sheet's edge is seen."""
+        if seen is None:
+            self.end()
+            return self._seek(None, None)
+        characters, height_px = seen.characters, seen.text_height_px
+        if self._begun is not None:
+            before, step = self._begun
+            if before.text_height_px == height_px and np.array_equal(before.characters, characters):
+                self._read = step.result()
+                return self._read[0]
+            self.end()
+        return self._seek(characters, height_px)
+
+    def read(self, outline: SheetOutline | None) -> SheetSides | None:
+        """The sides of `outline`, as `read_sides` of the whole photo reads them."""
+        if self._read is not None and self._read[0] is outline:
+            return self._read[1]
+        return read_sides(outline, self._view, self._prior)
+
+    def end(self) -> None:
+        """Wait for a search that has begun, and forget it."""
+        if self._begun is not None:
+            self._begun[1].end()
+            self._begun = None
+
+    def _seek(self, characters: Points | None, height_px: float | None) -> SheetOutline | None:
+        return find_outline(self._photo, characters, height_px, self._parameters)
+
+    def _seek_and_read(self, seen: FoundText) -> _Seen:
+        outline = self._seek(seen.characters, seen.text_height_px)
+        return outline, read_sides(outline, self._view, self._prior)
