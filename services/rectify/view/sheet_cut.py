@@ -51,7 +51,10 @@ def cut_view(photo: RgbImage, frame: Frame, page: ShapedPage, end: PaperEnd, eff
         return frame
     known: frozenset[str] = frozenset()
     if page.outline is not None:
-        frame, known = cut_to_outline(frame, page.outline, page.characters, believed=end.believed)
+        may_wave = page.shape.kind == "curved"
+        frame, known = cut_to_outline(
+            frame, page.outline, page.characters, believed=end.believed, may_wave=may_wave
+        )
     if page.analysis is None or effort.is_brief:
         return frame
     frame = crop_to_gutter(frame, page.analysis)
@@ -59,12 +62,12 @@ def cut_view(photo: RgbImage, frame: Frame, page: ShapedPage, end: PaperEnd, eff
 
 
 def cut_to_outline(
-    frame: Frame, outline: SheetOutline, characters: Points, *, believed: bool
+    frame: Frame, outline: SheetOutline, characters: Points, *, believed: bool, may_wave: bool = False
 ) -> tuple[Frame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
     A side that would cut off `characters` (N, 2), photo pixels, is not used; outside of a `believed` outline they are
-    specks of a desk.
+    specks of a desk. Sides of a believed outline of a sheet that is no plane `may_wave`.
     """
     if believed:
         characters = characters[outline.holds(characters)]
@@ -82,7 +85,7 @@ def cut_to_outline(
         if abs(way[axis]) > MAX_SLOPE * abs(way[1 - axis]):
             continue
         before = bool(middle[axis] < centre[axis])
-        place = float(_cut_place(points[:, axis], frame.width, before=before, believed=believed))
+        place = _cut_place(points[:, axis], frame.width, before=before, may_wave=believed and may_wave)
         beyond = text[:, axis] < place if before else text[:, axis] > place
         if len(text) and beyond.mean() > STRAY_SHARE:
             continue
@@ -90,16 +93,17 @@ def cut_to_outline(
     return crop_frame(frame, SheetEdges(**found)), frozenset(found)
 
 
-def _cut_place(places: Vector, width: int, *, before: bool, believed: bool) -> float:
+def _cut_place(places: Vector, width: int, *, before: bool, may_wave: bool) -> float:
     """Where a side whose points lie at `places` (N,) along an axis of a view of `width` pixels is cut.
 
-    In the middle of them; of a side that waves, as on crumpled paper, at the outermost one: beyond a `believed` outline
-    the view is white, but paper that is cut off is lost with its print.
+    In the middle of them; of a side that waves, as on crumpled paper, at the outermost one: beyond a believed outline
+    the view is white, but paper that is cut off is lost with its print. A side of a plane that waves was followed along
+    something else.
     """
     middle = float(np.median(places))
     outermost = float(places.min() if before else places.max())
     waves = abs(outermost - middle) > NOT_FLAT_PERCENT / 100 * width
-    return outermost if believed and waves else middle
+    return outermost if may_wave and waves else middle
 
 
 def crop_to_gutter(frame: Frame, analysis: PageAnalysis) -> Frame:

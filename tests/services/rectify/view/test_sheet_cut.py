@@ -64,17 +64,20 @@ def test_the_view_is_cut_at_the_sides_of_the_outline(noise_px: float) -> None:
     assert last_corner(cut) == pytest.approx(SHEET[2:], abs=1.0 + 2 * noise_px)
 
 
-@pytest.mark.parametrize(("wave_px", "believed"), [(1.0, True), (40.0, True), (40.0, False)])
-def test_a_side_that_waves_keeps_all_of_its_paper(wave_px: float, believed: bool) -> None:
+@pytest.mark.parametrize(
+    ("wave_px", "believed", "may_wave"),
+    [(1.0, True, True), (40.0, True, True), (40.0, False, True), (40.0, True, False)],
+)
+def test_a_side_that_waves_keeps_all_of_its_paper(wave_px: float, believed: bool, may_wave: bool) -> None:
     outline = outline_of(corners(), 0.0, RNG(0))
     y = np.linspace(SHEET[1], SHEET[3], 200)
     waving = np.column_stack([SHEET[2] + wave_px * np.sin(np.linspace(0, 4 * np.pi, 200)), y])
     right = replace(outline.sides[1], points=transform_points(LEAN, waving))
     outline = replace(outline, sides=(outline.sides[0], right, *outline.sides[2:]))
-    cut, _ = cut_to_outline(VIEW, outline, text(), believed=believed)
+    cut, _ = cut_to_outline(VIEW, outline, text(), believed=believed, may_wave=may_wave)
     assert isinstance(cut, FlatFrame)
     # In the middle, as paper must not be white that is beyond a side that may be none.
-    kept = wave_px if believed and wave_px > 4.0 else 0.0
+    kept = wave_px if believed and may_wave and wave_px > 4.0 else 0.0
     assert last_corner(cut)[0] == pytest.approx(SHEET[2] + kept, abs=1.5)
 
 
