@@ -40,7 +40,7 @@ LINES_GAIN = 2.5
 """... and by what some points of text lines leave from level ones beyond the scatter of most: a smooth field takes the
 kinks of folded paper for strays. Of 243 views of simulated sheets any gain from 1 to 4 judges none otherwise; by this
 one the errors agree best."""
-MOST_POINTS = 0.9
+USUAL_SHARE = 0.9
 """Share of the points of lines whose scatter is that of print: the others may lie beyond a kink, ..."""
 MOST_OF_NORMAL = 0.79
 """... and RMS of that share of a normal distribution, in its deviations."""
@@ -180,7 +180,7 @@ class _TextLines:
     def straightness(self) -> float:
         """RMS distance of the points from level pieces, in text heights, the worst tenth left out."""
         rest = np.sort(np.abs(self._rest()))
-        return float(np.sqrt(np.mean(rest[: max(int(MOST_POINTS * len(rest)), 1)] ** 2))) / self.height_px
+        return float(np.sqrt(np.mean(rest[: max(int(USUAL_SHARE * len(rest)), 1)] ** 2))) / self.height_px
 
     def unevenness_px(self, deviation: float) -> float:
         """RMS distance of all points from level pieces, beyond what the scatter of most explains.

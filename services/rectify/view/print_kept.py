@@ -154,7 +154,7 @@ def count_cut_letters(page: ShapedPage, boxes: Floats) -> int:
     if analysis is None or not len(boxes):
         return 0
     height = page.text_height_px * analysis.factor
-    labels = analysis.text.label_image
+    labels, print_places = analysis.text.label_image, cKDTree(boxes.mean(axis=1))
     most = 0
     for turns in range(4):
         places, deep, wide = _ink_at_first_row(np.rot90(labels, turns), int(np.ceil(LARGEST_LETTER * height)))
@@ -162,7 +162,7 @@ def count_cut_letters(page: ShapedPage, boxes: Floats) -> int:
             # Back by a quarter turn, which takes (x, y) of an array of W columns to (y, W - 1 - x).
             places = np.column_stack([labels.shape[(k + 1) % 2] - 1 - places[:, 1], places[:, 0]])
         at = from_resized(places, analysis.factor)
-        distance, _ = cKDTree(boxes.mean(axis=1)).query(at, distance_upper_bound=REACH * page.text_height_px)
+        distance, _ = print_places.query(at, distance_upper_bound=REACH * page.text_height_px)
         beside = np.isfinite(distance)
         specks = beside & (np.maximum(deep, wide) < LEAST_SEEN * height)
         letters = beside & (deep >= LEAST_SEEN * height) & (np.maximum(deep, wide) <= LARGEST_LETTER * height)
