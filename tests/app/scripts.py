@@ -54,8 +54,13 @@ def follow(upload: bytes, field: str) -> bytes:
 
 
 def _announce_and_wait(folder: Path) -> None:
-    """Tell that the job runs, then wait until the folder says `go`."""
+    """Tell that the job runs, and in which process, then wait until the folder says `go`.
+
+    The file takes its name when it is whole: who sees it can read the process's id.
+    """
     report_progress("waiting", 0.25)
-    (folder / "running").write_text(str(os.getpid()), encoding="ascii")
+    unnamed = folder / f"running-{os.getpid()}"
+    unnamed.write_text(str(os.getpid()), encoding="ascii")
+    unnamed.rename(folder / "running")
     while not (folder / "go").exists():
         time.sleep(0.01)
