@@ -78,7 +78,8 @@ class PageResiduals:
         self.principal = BENDS + basis.values.shape[1]
         self.observed = observed
         self.print = PrintResiduals(observed, self.surface(start), parameters)
-        self._last: tuple[bytes, Vector, Floats] | None = None
+        self._last: tuple[bytes, dict[str, Residual]] | None = None
+        self._under_losses: tuple[bytes, Vector, Floats] | None = None
 
     def surface(self, x: Vector) -> DevelopableSurface:
         """Surface of the parameters `x`, in coordinates relative to their principal point."""
@@ -108,10 +109,13 @@ class PageResiduals:
 
     def parts(self, x: Vector) -> dict[str, Residual]:
         """Residuals of the print, the sides, and `crossing`, before any loss."""
-        at, dq = self.page(x)
-        parts = self.print.parts(at.page, dq, float(x[SLANT]), SLANT)
-        hull = slice(*self.print.ends[5:7])
-        return {**parts, "crossing": self._crossing(at.sheet[hull], x)}
+        # A fit mostly ends where it has evaluated last, and asks for the parts there.
+        if self._last is None or self._last[0] != x.tobytes():
+            at, dq = self.page(x)
+            parts = self.print.parts(at.page, dq, float(x[SLANT]), SLANT)
+            hull = slice(*self.print.ends[5:7])
+            self._last = (x.tobytes(), {**parts, "crossing": self._crossing(at.sheet[hull], x)})
+        return self._last[1]
 
     def _crossing(self, sheet: Points, x: Vector) -> Residual:
         """Rulings do not cross under the text: 1 + t w'(s) is at least `growth`."""
@@ -180,9 +184,9 @@ class PageResiduals:
 
     def evaluate(self, x: Vector) -> tuple[Vector, Floats]:
         """Residuals (n,) under their losses, with the priors, and their derivatives (n, M)."""
-        if self._last is None or self._last[0] != x.tobytes():
+        if self._under_losses is None or self._under_losses[0] != x.tobytes():
             parts = self.parts(x)
             all_ = [*self.print.under_losses(parts), parts["crossing"], self._priors(x)]
             value = np.concatenate([r.value for r in all_])
-            self._last = (x.tobytes(), value, np.concatenate([r.slope for r in all_]))
-        return self._last[1], self._last[2]
+            self._under_losses = (x.tobytes(), value, np.concatenate([r.slope for r in all_]))
+        return self._under_losses[1], self._under_losses[2]
