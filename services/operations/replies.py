@@ -36,16 +36,14 @@ class SourceFacts:
     icc_profile: bytes | None
 
 
-def add_text_layer(
+def finished_pdf(
     pdf: bytes, texts: Sequence[PageText | None], encoding: Encoding, dpis: Sequence[float]
 ) -> bytes:
-    """The PDF with the text of its pages, its title and language; unchanged without text, unless it is for archives.
+    """The PDF with the text of its pages, if they were read, its title and language, in its version.
 
     `texts` and `dpis` have one entry for every page.
     """
     read = [text for text in texts if text is not None]
-    if not read and encoding.pdf_version == "1.7":
-        return pdf
     tag = language_tag(read[0].language) if read else ""
     return finish_pdf(pdf, texts, PdfFacts(encoding.title, tag, encoding.pdf_version), dpis)
 
