@@ -19,7 +19,7 @@ Label = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL), AfterValid
 class FeedbackZone(BaseModel):
     """A zone that a person drew."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     id: str | None = Field(
         default=None,
