@@ -39,13 +39,11 @@ class SourceFacts:
 def add_text_layer(
     pdf: bytes, texts: Sequence[PageText | None], encoding: Encoding, dpis: Sequence[float]
 ) -> bytes:
-    """The PDF with the text of its pages, its title and language; unchanged without text, unless it is for archives.
+    """The PDF in the version that was asked for, with the text of its pages where they have it, title and language.
 
     `texts` and `dpis` have one entry for every page.
     """
     read = [text for text in texts if text is not None]
-    if not read and encoding.pdf_version == "1.7":
-        return pdf
     tag = language_tag(read[0].language) if read else ""
     return finish_pdf(pdf, texts, PdfFacts(encoding.title, tag, encoding.pdf_version), dpis)
 
