@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from app.schemas.layout_models import NameInBody
 from services.contract.answers.learning import CostChange, FoundAndVerified, GivenText, WrongLabel
@@ -19,7 +19,7 @@ Label = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL), AfterValid
 class FeedbackZone(BaseModel):
     """A zone that a person drew."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid")
 
     id: str | None = Field(
         default=None,
@@ -27,7 +27,7 @@ class FeedbackZone(BaseModel):
         description="Absent: that of the zone of the result at its place, or a new one. An id of the result may be "
         "used again.",
     )
-    box: tuple[float, float, float, float] = Field(
+    box: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
         description="x0, y0, x1, y1 in pixels of the page, x0 < x1, y0 < y1."
     )
     label: Label | None = Field(description="null: no label of the model.")

@@ -20,9 +20,9 @@ from services.operations.page_reading import write_text
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
-    add_text_layer,
     describe_timings,
     describe_warnings,
+    finished_pdf,
     image_format_of,
     show_page,
     timed,
@@ -164,7 +164,7 @@ def _bind(
             return bind_parts(parts, "tiff")
         case "pdf":
             texts_of_pages, dpis = [page.text for page in pages], [page.dpi for page in pages]
-            return add_text_layer(bind_parts(parts, "pdf"), texts_of_pages, encoding, dpis)
+            return finished_pdf(bind_parts(parts, "pdf"), texts_of_pages, encoding, dpis)
     return parts[0].data if parts else b""  # an image, or nothing beside JSON
 
 

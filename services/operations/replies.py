@@ -36,10 +36,10 @@ class SourceFacts:
     icc_profile: bytes | None
 
 
-def add_text_layer(
+def finished_pdf(
     pdf: bytes, texts: Sequence[PageText | None], encoding: Encoding, dpis: Sequence[float]
 ) -> bytes:
-    """The PDF in the version that was asked for, with the text of its pages where they have it, title and language.
+    """The PDF with the text of its pages, if they were read, its title and language, in its version.
 
     `texts` and `dpis` have one entry for every page.
     """

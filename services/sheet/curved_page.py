@@ -46,7 +46,8 @@ from services.side_by_side import SideStep
 from services.texture_flow.field import FlowSamples, mean_deviation
 
 # How the fit of the surface starts, and when its result is accepted.
-SHEET_BENDS = 12
+START_BENDS = 12
+"""Splines of the bend while the flows alone are fitted."""
 MARGIN = 0.25
 """The bend continues beyond the text by this share of its width."""
 BORDER = 0.03
@@ -67,6 +68,8 @@ STRIPS = 40
 SIDE_SLACK = (8.0, 1.0, 1.0)
 """Rounds of tracing and fitting the lines (of 12 simulated cones one needed the third), each with this factor on
 the deviations of the sides: their robust loss does not draw a surface that is far from them."""
+ROUND_BENDS = (12, 24, 24)
+"""Splines of the bend in these rounds: creases are narrow, and are found from where the sheet is nearly right."""
 MAX_SIDES = 0.0025
 """RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
 0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed
@@ -156,7 +159,7 @@ def start_surface(
     prior: FocalPrior,
     characters: Points,
     skew_rad: float,
-    bends: int = SHEET_BENDS,
+    bends: int = START_BENDS,
 ) -> SurfaceStart:
     """A flat sheet in the mean pose of the flows, whose rulings are turned by `skew_rad` against the strokes."""
     held = FocalPrior(prior.log_focal, 0.01, "given")
@@ -175,22 +178,25 @@ def start_surface(
 def _basis_over(across: Vector, bends: int) -> BendBasis:
     low, high = (float(v) for v in np.percentile(across, [0.5, 99.5]))
     margin = MARGIN * (high - low)
-    return bend_basis(low - margin, high + margin, bends, REACH)
+    spacing = min(1.0, (START_BENDS - 3) / (bends - 3))
+    return bend_basis(low - margin, high + margin, bends, REACH, spacing)
 
 
-def recentre(fitted: FittedSurface, characters: Points, edges: SideObservations = NO_EDGES) -> SurfaceStart:
-    """The fitted surface as a start whose bends span the characters, and the sheet where its `edges` are seen."""
+def recentre(
+    fitted: FittedSurface, characters: Points, edges: SideObservations = NO_EDGES, bends: int = START_BENDS
+) -> SurfaceStart:
+    """The fitted surface as a start whose `bends` span the characters, and the sheet where its `edges` are seen."""
     old = fitted.surface
     sheet = old.to_sheet(old.to_page(characters))
-    basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], SHEET_BENDS)
+    basis = _basis_over(sheet[np.isfinite(sheet).all(axis=1), 0], bends)
     if len(edges.points):
         border = old.to_sheet(old.to_page(edges.points))[:, 0]
         low, high = (float(v) for v in np.nanpercentile(border, [5, 95]))
         margin = BORDER * (high - low)
-        basis = bend_basis(low - margin, high + margin, SHEET_BENDS, REACH)
+        basis = bend_basis(low - margin, high + margin, bends, REACH, basis.spacing)
     k = np.interp(basis.nodes, old.basis.nodes, old.basis.values @ old.bends, left=0.0, right=0.0)
-    bends = np.linalg.lstsq(basis.values, k * (np.abs(basis.values).sum(axis=1) > 0), rcond=None)[0]
-    parameters = np.concatenate([fitted.start.parameters[: BENDS - TURN.stop], bends])
+    spread = np.linalg.lstsq(basis.values, k * (np.abs(basis.values).sum(axis=1) > 0), rcond=None)[0]
+    parameters = np.concatenate([fitted.start.parameters[: BENDS - TURN.stop], spread])
     return replace(fitted.start, basis=basis, parameters=parameters)
 
 
@@ -312,11 +318,11 @@ def _fit_lines(
 ) -> tuple[FittedSurface, LineObservations]:
     """Fit flows and lines in rounds: each traces the lines in the view of the one before, and uses its deviations."""
     parameters, lines, hull = FittingParameters(cauchy_flows=True), NO_LINES, page_hull(e.characters)
-    for slack in SIDE_SLACK:
+    for slack, bends in zip(SIDE_SLACK, ROUND_BENDS, strict=True):
         lines = trace_lines(e.text, e.view, fitted.surface)
         observed = PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges)
         eased = replace(parameters, side_factor=slack * parameters.side_factor)
-        fitted = fit_surface(recentre(fitted, e.characters, edges), observed, eased)
+        fitted = fit_surface(recentre(fitted, e.characters, edges, bends), observed, eased)
         refused = implausibility(fitted.surface, e.characters) is not None
         # In a round with slack the sides have not been drawn yet: from 0.0103 one sheet came to 0.0001.
         if refused or (slack == 1.0 and _sides_hopeless(fitted.surface, edges)):

@@ -11,15 +11,7 @@ from services.arrays import Floats, Points, Vector
 from services.robust import cauchy
 from services.sheet.developable.observations import SLANT_MEAN_RAD, PageObservations
 from services.sheet.developable.print_residuals import FittingParameters, PrintResiduals, Residual, under
-from services.sheet.developable.residuals import (
-    BEND,
-    BEND_CHANGE,
-    BEND_DIFFERENCE,
-    RIM_BENDS,
-    RIM_DIFFERENCE,
-    SLOPE,
-    USUAL_SKEW_RAD,
-)
+from services.sheet.developable.residuals import SLOPE, USUAL_SKEW_RAD, bend_priors
 from services.sheet.developable.variation import GLOBAL, SKEW, SLOPES, vary_page
 from services.sheet.ridged.parameters import MAX_DAMPING
 from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherCamera
@@ -223,9 +215,7 @@ class _SheetResiduals:
 
     def _priors(self, sheet: SharedSheet) -> Residual:
         eye = np.eye(self.unknowns)
-        k, of_bends = sheet.bends, eye[OF_BENDS : self.shape]
-        difference = np.full(len(k) - 1, BEND_DIFFERENCE)
-        difference[:RIM_BENDS] = difference[len(difference) - RIM_BENDS :] = RIM_DIFFERENCE
+        bends = bend_priors(sheet.bends, eye[OF_BENDS : self.shape], sheet.basis.spacing, sides_seen=False)
         focal = [np.log(camera.focal) for camera in sheet.held]
         mean = [part.observed.log_focal for part in self.parts]
         # What is known of a camera counts once, however many photos it took.
@@ -240,17 +230,13 @@ class _SheetResiduals:
             [0.5 * np.sin(2 * sheet.skew_rad) / USUAL_SKEW_RAD],
             np.array(sheet.slopes) / SLOPE,
             [(sheet.slant_rad - SLANT_MEAN_RAD) / slant_rad],
-            np.diff(k) / difference,
-            np.diff(k, 2) / BEND_CHANGE,
-            k / BEND,
+            bends.value,
         ]
         slope = [
             of_focal / deviation[:, None],
             np.cos(2 * sheet.skew_rad) * eye[[OF_SKEW]] / USUAL_SKEW_RAD,
             eye[OF_SLOPES] / SLOPE,
             eye[[OF_SLANT]] / slant_rad,
-            np.diff(of_bends, axis=0) / difference[:, None],
-            np.diff(of_bends, 2, axis=0) / BEND_CHANGE,
-            of_bends / BEND,
+            bends.slope,
         ]
         return Residual(np.concatenate(value), np.concatenate(slope))

@@ -279,9 +279,8 @@ def test_names_that_are_nearly_right(shared: tuple[httpx.Client, str], body: Any
         (b'{"labels": {"z1": "' + b"x" * 61 + b'"}}', "labels.z1"),
         (b'{"labels": {"z9": "date"}}', "labels.z9"),
         (b'{"labels": {}, "klass": "letter"}', "klass"),
-        (b'{"zones": [{"box": [0, NaN, 9, 9], "label": null}]}', "zones[0].box[1]"),
-        (b'{"zones": [{"box": [0, 0, 9, Infinity], "label": null}]}', "zones[0].box[3]"),
-        (b'{"zones": [{"box": [0, 0, 1e999, 9], "label": null}]}', "zones[0].box[2]"),
+        (b'{"zones": [{"box": [0, 0, NaN, 9], "label": null}]}', "zones[0].box[2]"),
+        (b'{"zones": [{"box": [0, 0, 9, 1e999], "label": null}]}', "zones[0].box[3]"),
     ],
 )
 def test_bad_bodies(shared: tuple[httpx.Client, str], body: bytes, field: str) -> None:

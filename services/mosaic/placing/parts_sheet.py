@@ -24,7 +24,7 @@ from services.mosaic.placing.joint_sheet import (
 )
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.resection import resect_camera
-from services.mosaic.placing.residual_warp import FEWEST, HELD_OUT_CELL, HELD_OUT_CELLS
+from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.order_statistics import median
 from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_hull
@@ -42,7 +42,7 @@ from services.sheet.tracing.page_lines import trace_lines
 
 MARGIN = 0.12
 """The bend continues beyond the text by this share of the sheet's width."""
-MOST_BENDS = 30
+MOST_BENDS = 60
 ALONG = 25
 """Places along a photo at which its own surface tells the bend."""
 LIKE_RULINGS_RAD = np.deg2rad(25.0)
@@ -147,7 +147,7 @@ def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
     fewest = len(surface.bends)
     spacing = (surface.basis.high - surface.basis.low) / (fewest - 3)
     count = int(np.clip(round((high - low + 2 * margin) / spacing) + 3, fewest, MOST_BENDS))
-    basis = bend_basis(low - margin, high + margin, count, REACH)
+    basis = bend_basis(low - margin, high + margin, count, REACH, surface.basis.spacing)
     told = [_bends_of(k, base, parts) for k in range(len(parts.pages))]
     bends = _join_bends(basis, [each for each in told if each is not None])
     sheet = SharedSheet(surface.skew_rad, surface.slopes, own.slant_rad, bends, basis, ())
@@ -243,7 +243,10 @@ def _share(
 
 
 def _left(sheet: SharedSheet, parts: _Parts, held_out: Sequence[SharedPoints]) -> float:
-    """Median distance on the sheet of correspondences, in text heights, of the worst pair."""
+    """Median distance on the sheet of the correspondences of a pair, in text heights; of all pairs the mean by points.
+
+    Not of the worst pair: a pair may have eight points, in a corner where no print tells the sheet.
+    """
     found, cameras = [], sheet.cameras
     for pair in held_out:
         ends = []
@@ -253,8 +256,10 @@ def _left(sheet: SharedSheet, parts: _Parts, held_out: Sequence[SharedPoints]) -
         J = sheet.surface(cameras[pair.b]).jacobians(pair.points_b) * unit_of(cameras[pair.b])
         height = np.sqrt(np.abs(np.linalg.det(J))) * page.text_height_px / page.view.unit_px
         found.append(np.linalg.norm(ends[0] - ends[1], axis=1) / height)
-    judged = [distances for distances in found if len(distances) >= FEWEST] or [np.concatenate(found)]
-    return max(median(distances) if len(distances) else np.inf for distances in judged)
+    judged = [distances for distances in found if len(distances)]
+    if not judged:
+        return float("inf")
+    return float(np.average([median(each) for each in judged], weights=[len(each) for each in judged]))
 
 
 def _describe(sheet: SharedSheet, parts: _Parts, order: Sequence[int], left: float) -> JointSheet:

@@ -25,12 +25,14 @@ def refusal_of_text(
     """Why the characters of `analysis` are no text, if they are none and no sheet's sides are seen; else None."""
     if shape.sides_believed:
         return None
-    if analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES:
+    is_sheet = outline is not None and outline.confidence >= SHEET_CONFIDENCE
+    few = analysis.text.rejected_fraction > PICTURE_SHARE and shape.line_count < FEW_LINES
+    if few and not (is_sheet and is_level_in_view(evidence, shape)):
         return (
             f"most of what is printed is no text, and only {shape.line_count} short lines of text were found. "
             "Send region, a polygon round the text, if there is some."
         )
-    if shape.ends_at_sides or (outline is not None and outline.confidence >= SHEET_CONFIDENCE):
+    if shape.ends_at_sides or is_sheet:
         return None
     lines = shape.line_count
     clear = lines >= FEW_LINES and analysis.text.rejected_fraction <= CLEAR_INK

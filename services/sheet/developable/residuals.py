@@ -4,8 +4,9 @@ import numpy as np
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import rotation_from_vector
+from services.robust import cauchy
 from services.sheet.developable.observations import SLANT_MEAN_RAD, TILT_RAD, PageObservations
-from services.sheet.developable.print_residuals import FittingParameters, PrintResiduals, Residual
+from services.sheet.developable.print_residuals import FittingParameters, PrintResiduals, Residual, under
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, Unrolled
 from services.sheet.developable.variation import GLOBAL, LOG_FOCAL, SKEW, SLOPES, TURN, vary_page
 
@@ -48,6 +49,26 @@ def surface_of(
     turned = rotation @ rotation_from_vector(x[TURN]) @ unskew
     return DevelopableSurface(
         turned, focal, anchor, float(x[SKEW]), (float(linear), float(quadratic)), x[BENDS:], basis
+    )
+
+
+def bend_priors(bends: Vector, slope: Floats, spacing: float, sides_seen: bool) -> Residual:
+    """The bends (K,) are small and change little and slowly; `slope` (K, M) are their derivatives.
+
+    Their sums stand for integrals of k^2, k'^2 and k''^2 along the sheet, so that splines that are `spacing` times as
+    far apart have the same ones. Paper may have creases: large changes of the bend are cheap (Cauchy's loss).
+    """
+    first, second = np.diff(slope, axis=0), np.diff(slope, 2, axis=0)
+    difference = np.full(len(first), BEND_DIFFERENCE)
+    rim = round(RIM_BENDS / spacing)
+    if not sides_seen:
+        difference[:rim] = difference[len(first) - rim :] = RIM_DIFFERENCE
+    difference *= spacing**0.5
+    change, size = BEND_CHANGE * spacing**1.5, BEND * spacing**-0.5
+    changes = under(cauchy, Residual(np.diff(bends, 2) / change, second / change))
+    return Residual(
+        np.concatenate([np.diff(bends) / difference, changes.value, bends / size]),
+        np.concatenate([first / difference[:, None], changes.slope, slope / size]),
     )
 
 
@@ -127,13 +148,12 @@ class PageResiduals:
         )
 
     def _priors(self, x: Vector) -> Residual:
-        p, k = self.p, x[BENDS : self.principal]
+        p = self.p
         eye = np.eye(len(x))
-        of_bends = eye[BENDS : self.principal]
-        first, second = np.diff(of_bends, axis=0), np.diff(of_bends, 2, axis=0)
-        difference = np.full(len(first), BEND_DIFFERENCE)
-        if not len(self.observed.edges.points):
-            difference[:RIM_BENDS] = difference[len(first) - RIM_BENDS :] = RIM_DIFFERENCE
+        sides_seen = len(self.observed.edges.points) > 0
+        bends = bend_priors(
+            x[BENDS : self.principal], eye[BENDS : self.principal], self.basis.spacing, sides_seen
+        )
         tilt, dtilt = self._tilt(x)
         value = [
             (x[[LOG_FOCAL]] - self.observed.log_focal) / self.observed.focal_deviation,
@@ -141,9 +161,7 @@ class PageResiduals:
             x[SLOPES] / SLOPE,
             (x[[SLANT]] - SLANT_MEAN_RAD) / p.slant_rad,
             tilt / TILT_RAD,
-            np.diff(k) / difference,
-            np.diff(k, 2) / BEND_CHANGE,
-            k / BEND,
+            bends.value,
         ]
         slope = [
             eye[[LOG_FOCAL]] / self.observed.focal_deviation,
@@ -151,9 +169,7 @@ class PageResiduals:
             eye[SLOPES] / SLOPE,
             eye[[SLANT]] / p.slant_rad,
             dtilt / TILT_RAD,
-            first / difference[:, None],
-            second / BEND_CHANGE,
-            of_bends / BEND,
+            bends.slope,
         ]
         if self.observed.principal_point:
             offset, deviations = x[self.principal :], np.array(self.observed.principal_point.deviations)

@@ -33,7 +33,8 @@ class BendBasis:
     """Cubic B-splines of the bend k over a in [low, high]; the sheet is straight beyond.
 
     `nodes` (n,) are the a at which the surface is tabulated, `values` (n, K) the splines there, and `midpoints`
-    (n - 1, K) half-way between.
+    (n - 1, K) half-way between. `spacing` is the distance of neighbouring splines in units of that for which priors
+    of bends are given.
     """
 
     nodes: Vector
@@ -41,9 +42,10 @@ class BendBasis:
     midpoints: Floats
     low: float
     high: float
+    spacing: float = 1.0
 
 
-def bend_basis(low: float, high: float, count: int, reach: float) -> BendBasis:
+def bend_basis(low: float, high: float, count: int, reach: float, spacing: float = 1.0) -> BendBasis:
     """`count` >= 4 splines on [low, high], tabulated to `reach` times that length beyond either end."""
     length = high - low
     inner = np.linspace(low, high, count - 2)
@@ -56,7 +58,7 @@ def bend_basis(low: float, high: float, count: int, reach: float) -> BendBasis:
         values[inside] = BSpline.design_matrix(np.clip(a[inside], low, high), knots, 3).toarray()
         return values
 
-    return BendBasis(nodes, at(nodes), at(0.5 * (nodes[1:] + nodes[:-1])), low, high)
+    return BendBasis(nodes, at(nodes), at(0.5 * (nodes[1:] + nodes[:-1])), low, high, spacing)
 
 
 def rotations(vectors: Floats) -> Floats:

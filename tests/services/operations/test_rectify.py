@@ -190,7 +190,7 @@ def test_the_file_is_in_the_asked_for_or_in_the_uploads_format(
 def test_pdf() -> None:
     reply = rectify_upload(make_file(PHOTO, "JPEG"), PARAMETERS, Encoding("pdf"), LIMITS)
     assert reply.media_type == "application/pdf"
-    assert reply.body.startswith(b"%PDF-")
+    assert reply.body.startswith(b"%PDF-1.7")
 
 
 @pytest.mark.usefixtures("pipeline")

@@ -14,7 +14,7 @@ from services.rectify.analysis.focal_length import focal_prior
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.sheet import curved_page
 from services.sheet.curved_page import (
-    SHEET_BENDS,
+    START_BENDS,
     STRIPS,
     CurvedPage,
     describe_strips,
@@ -352,7 +352,7 @@ def test_a_recentred_start_is_the_same_sheet() -> None:
     start = recentre(fitted, characters)
     x = np.concatenate([np.zeros(3), start.parameters])
     again = surface_of(x, start.rotation, start.anchor, start.basis)
-    assert len(again.bends) == SHEET_BENDS == len(start.parameters) - (BENDS - 3)
+    assert len(again.bends) == START_BENDS == len(start.parameters) - (BENDS - 3)
     assert start.basis.high - start.basis.low < 2.5
     assert np.abs(again.to_page(characters) - PAGE).max() < 2e-3
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import BSpline
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
@@ -38,8 +39,10 @@ from services.sheet.developable.residuals import (
     SLOPE,
     USUAL_SKEW_RAD,
     PageResiduals,
+    bend_priors,
     surface_of,
 )
+from services.sheet.developable.surface import bend_basis
 from services.texture_flow.field import FlowSamples
 from tests.services.sheet.developable.sheets import (
     BASIS,
@@ -265,7 +268,7 @@ def test_priors_pull_to_what_is_usual() -> None:
     rim = RIM_DIFFERENCE
     differences = np.array([rim, rim, *[BEND_DIFFERENCE] * 3, rim, rim])
     assert np.allclose(bent[priors:-14], np.diff(k) / differences)
-    assert np.allclose(bent[-14:-8], np.diff(k, 2) / BEND_CHANGE)
+    assert np.allclose(bent[-14:-8], cauchy(np.diff(k, 2) / BEND_CHANGE)[0])
     assert np.allclose(bent[-8:], k / BEND)
     assert np.allclose(flat[priors:], 0)
     assert np.allclose(
@@ -281,6 +284,39 @@ def test_priors_pull_to_what_is_usual() -> None:
         ],
         atol=1e-9,
     )
+
+
+def test_splines_twice_as_fine_have_the_same_priors() -> None:
+    """Of a bend that ends within the sheet: at the ends the knots are closer."""
+
+    def costs(count: int) -> list[float]:
+        basis = bend_basis(-1.0, 1.0, count, 0.0, (23 - 3) / (count - 3))
+        at = BSpline.construct_fast(_knots(count), np.eye(count), 3)
+        means = np.array([_knots(count)[k + 1 : k + 4].mean() for k in range(count)])
+        k = np.linalg.solve(at(means), 0.5 * np.sin(2 * means) * (1 - means**2) ** 2)
+        priors = bend_priors(k, np.eye(count), basis.spacing, sides_seen=True).value
+        groups = np.split(priors, np.cumsum([count - 1, count - 2]))
+        return [float(group @ group) for group in groups]
+
+    for one, other in zip(costs(23), costs(43), strict=True):
+        assert 0 < one == pytest.approx(other, rel=0.12)
+
+
+def _knots(count: int) -> Vector:
+    return np.concatenate([np.full(3, -1.0), np.linspace(-1.0, 1.0, count - 2), np.full(3, 1.0)])
+
+
+def test_a_crease_costs_little_more_than_a_smaller_one() -> None:
+    def cost(k: float) -> float:
+        bends = np.zeros(24)
+        bends[12] = k
+        changes = bend_priors(bends, np.eye(24), 9 / 21, sides_seen=True).value[23:45]
+        return float(changes @ changes)
+
+    # Three changes of the bend, each with the logarithm of its square: 4 times the crease adds 3 log 16 at most.
+    assert cost(0.02) == pytest.approx(16 * cost(0.005), rel=0.02)
+    for k in (2.0, 8.0):
+        assert 0.8 * 3 * np.log(16) < cost(4 * k) - cost(k) < 3 * np.log(16)
 
 
 def test_a_loss_is_applied_with_its_derivative() -> None:
