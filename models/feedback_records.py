@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import NotRequired, TypedDict
+from typing import Literal, NotRequired, TypedDict
 
 from models.documents import Document
 from models.records import Origin, ReviewDraft, UnknownPageDraft
@@ -187,9 +187,13 @@ class StoredFeedback:
     taken_back: Mapping[str, tuple[int | None, int | None]] = field(default_factory=dict)
 
 
+NoEffect = Literal["rolled-back", "replaced"]
+"""Why a model does not contain a lesson: it has left the version, or later feedback on the result took it back."""
+
+
 @dataclass(frozen=True, slots=True)
 class FeedbackSummary:
-    """One feedback in the history of a class, without its documents."""
+    """One feedback in the history of a class, without its documents; `without_effect` names classes that exist."""
 
     id: str
     result_id: str
@@ -199,6 +203,7 @@ class FeedbackSummary:
     wrong_zones: int
     class_wrong: bool
     versions: Mapping[str, tuple[int | None, int]]
+    without_effect: Mapping[str, NoEffect]
     sample_id: str | None
     created_at: datetime
 

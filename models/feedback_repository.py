@@ -19,7 +19,7 @@ from models.feedback_records import (
     ReportJson,
     StoredFeedback,
 )
-from models.lesson_repository import require_feedback_seen, revise_result, take_back
+from models.lesson_repository import effects_of, require_feedback_seen, revise_result, take_back
 from models.queries import (
     add_unknown_page,
     append_version,
@@ -178,6 +178,11 @@ class FeedbackRepository(Transactions):
                 wanted = wanted.where(FeedbackRow.owner == owner)
             rows = session.execute(wanted.order_by(FeedbackRow.id.desc()).limit(newest)).scalars().all()
             versions = _versions_of(session, [row.id for row in rows])
+            made: dict[str, set[int]] = {}
+            for of_feedback in versions.values():
+                for model, (_, new) in of_feedback.items():
+                    made.setdefault(model, set()).add(new)
+            effects = effects_of(session, made)
         return [
             FeedbackSummary(
                 id=row.id,
@@ -188,6 +193,11 @@ class FeedbackRepository(Transactions):
                 wrong_zones=row.wrong_zones,
                 class_wrong=row.class_wrong,
                 versions=versions.get(row.id, {}),
+                without_effect={
+                    model: effect
+                    for model, (_, new) in versions.get(row.id, {}).items()
+                    if (effect := effects.get((model, new))) is not None
+                },
                 sample_id=row.sample_id,
                 created_at=row.created_at,
             )

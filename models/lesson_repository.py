@@ -5,17 +5,17 @@ one that it was made from (`parent`), and the later one that took something back
 later undo starts from it.
 """
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import asdict, fields
 from datetime import datetime
-from typing import Literal, cast
+from typing import cast
 
 from sqlalchemy import Row, delete, select, update
 from sqlalchemy.orm import Session
 
 from models.documents import Document, decode_document, encode_document
 from models.errors import FeedbackNotFound, ModelNotFound, VersionConflict
-from models.feedback_records import FeedbackUndo, Lesson, ModelPast, ModelStep, ModelUndo
+from models.feedback_records import FeedbackUndo, Lesson, ModelPast, ModelStep, ModelUndo, NoEffect
 from models.queries import (
     append_version,
     find_model,
@@ -111,20 +111,11 @@ class LessonRepository(Transactions):
                 raise ModelNotFound(f"there is no model {name!r}", name)
             return stored_model(row, 0, find_version(session, row, version))
 
-    def effects(self, versions: Mapping[str, int]) -> dict[str, Literal["rolled-back", "replaced"] | None]:
+    def effects(self, versions: Mapping[str, int]) -> dict[str, NoEffect | None]:
         """For each class, why its newest version does not contain what this version of it learned; None: it does."""
-        effects: dict[str, Literal["rolled-back", "replaced"] | None] = {}
         with self._reading() as session:
-            for name, version in versions.items():
-                row = look_up_model(session, name)
-                if row is None:
-                    continue
-                path = {each.version: each for each in _path(session, row)}
-                if version not in path:
-                    effects[name] = "rolled-back"
-                else:
-                    effects[name] = None if path[version].undone_by is None else "replaced"
-        return effects
+            made = {name: [version] for name, version in versions.items()}
+            return {name: effect for (name, _), effect in effects_of(session, made).items()}
 
     def undo_feedback(
         self, result_id: str, undone: Sequence[ModelUndo], seen: Set[str] | None = None
@@ -161,6 +152,27 @@ def require_feedback_seen(session: Session, result_id: str, seen: Set[str] | Non
         raise VersionConflict(
             f"other feedback on the result {result_id!r} came or was deleted meanwhile", None
         )
+
+
+def effects_of(
+    session: Session, versions: Mapping[str, Collection[int]]
+) -> dict[tuple[str, int], NoEffect | None]:
+    """For versions of classes, why the newest version does not contain what they learned; None: it does.
+
+    Classes that do not exist any more are left out.
+    """
+    effects: dict[tuple[str, int], NoEffect | None] = {}
+    for name, made in versions.items():
+        row = look_up_model(session, name)
+        if row is None:
+            continue
+        path = {each.version: each for each in _path(session, row)}
+        for version in made:
+            if version not in path:
+                effects[name, version] = "rolled-back"
+            else:
+                effects[name, version] = None if path[version].undone_by is None else "replaced"
+    return effects
 
 
 def take_back(

@@ -156,7 +156,7 @@ RESPONSE_EXAMPLES: Mapping[tuple[str, str], Any] = {
                 "class": FOUND,
                 "zones": 11,
                 "wrong": 1,
-                "models": [VERSIONS],
+                "models": [{**VERSIONS, "without_effect": None}],
                 "sample": SAMPLE,
                 "created": WHEN,
             }

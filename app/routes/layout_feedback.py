@@ -197,7 +197,9 @@ def _entry(feedback: FeedbackSummary) -> FeedbackEntry:
         zones=feedback.zones,
         wrong=feedback.wrong_zones,
         models=[
-            FeedbackVersions(name=name, old_version=old, new_version=new)
+            FeedbackVersions(
+                name=name, old_version=old, new_version=new, without_effect=feedback.without_effect.get(name)
+            )
             for name, (old, new) in sorted(feedback.versions.items())
         ],
         sample=feedback.sample_id,

@@ -157,6 +157,11 @@ class FeedbackVersions(Answer):
     name: str
     old_version: int | None
     new_version: int
+    without_effect: Literal["rolled-back", "replaced"] | None = Field(
+        description="Why the model does not contain this feedback any more: `replaced` by later feedback on the "
+        "result; `rolled-back`: the model has left the version (rollback, import or initialization). null: it "
+        "contains it, or the class was deleted."
+    )
 
 
 class FeedbackEntry(Answer):

@@ -30,7 +30,7 @@ from services.layout.tables.table_model import TableModel
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_zones
 from services.operations.layout_tables import describe_tables
-from services.operations.page_zones import exchange_limits, read_kept_page
+from services.operations.page_zones import check_boxes, exchange_limits, read_kept_page
 from services.operations.replies import describe_warnings, to_json_ready
 from services.operations.stored_models import read_model
 from services.progress import report_progress
@@ -213,6 +213,7 @@ def revise_page(page: PageJson, zones: Sequence[GivenZoneJson], settings: Layout
         drawn = page_from_document(document, exchange_limits(settings))
     except InvalidLayout as error:
         raise InvalidOption(f"{error.field or 'zones'}: {error.detail}", error.field or "zones") from error
+    check_boxes(drawn, {zone.box for zone in found.zones})
     features = content_features(settings.content_features)
     revised = features.measure_page(revise_zones(found, drawn))
     read = revise_zones(found, replace(drawn, zones=tuple(replace(zone, text="") for zone in drawn.zones)))

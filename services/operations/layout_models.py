@@ -22,7 +22,7 @@ from services.layout.pipeline import complete_sample, content_features, initiali
 from services.layout.tables.learning import table_page
 from services.layout.tables.sample_doubts import doubts_of_samples
 from services.operations.page_reading import check_installed
-from services.operations.page_zones import check_frame, exchange_limits, read_file, read_zones
+from services.operations.page_zones import check_boxes, check_frame, exchange_limits, read_file, read_zones
 from services.operations.reader import ocr_engine
 from services.operations.replies import describe_warnings, to_json_ready
 
@@ -43,9 +43,10 @@ def measure_sample(image: bytes | None, zones: bytes, settings: LayoutSettings) 
     UnsupportedMediaType, TooLarge, UndecodableImage
         When the image is not accepted.
     InvalidOption
-        When the zones are invalid, have no label, or are not in pixels of the image.
+        When the zones are invalid or thinner than a pixel, have no label, or are not in pixels of the image.
     """
     page = read_zones(zones, settings)
+    check_boxes(page)
     return _measured(
         page, None if image is None else decode_image(image, settings.document.image).pixels, settings
     )

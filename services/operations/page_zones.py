@@ -1,6 +1,7 @@
 """Zones from a request: parsed, checked, and in pixels of the page's image."""
 
 import json
+from collections.abc import Collection
 from dataclasses import replace
 
 from services.arrays import RgbImage
@@ -10,8 +11,11 @@ from services.errors import InvalidOption
 from services.layout.exchange.limits import ExchangeLimits
 from services.layout.exchange.page_json import page_from_document
 from services.layout.exchange.zones_file import read_zones_file
-from services.layout.page import InvalidLayout, Page
+from services.layout.page import Box, InvalidLayout, Page
 from services.notices import Notice
+
+_MIN_SIDE_PX = 1.0
+"""Of a box that a person gives as true: nothing is printed in less than a pixel."""
 
 
 def read_zones(zones: bytes, settings: LayoutSettings) -> Page:
@@ -53,6 +57,27 @@ def read_kept_page(document: PageJson, settings: LayoutSettings) -> Page:
 def exchange_limits(settings: LayoutSettings) -> ExchangeLimits:
     """Limits of a description of zones."""
     return ExchangeLimits(max_zones=settings.max_zones, max_bytes=settings.max_zones_file_bytes)
+
+
+def check_boxes(page: Page, known: Collection[Box] = ()) -> None:
+    """Raise `InvalidOption` for a box thinner than a pixel on the page, unless it is one of those that are `known`.
+
+    What was found may be thin, such as a zone that the page's edge cuts, and may be confirmed as answers round it.
+    """
+    taken = {_rounded(box) for box in known}
+    for index, zone in enumerate(page.zones):
+        x0, y0, x1, y1 = zone.box
+        if min(x1 - x0, y1 - y0) < _MIN_SIDE_PX and _rounded(zone.box) not in taken:
+            field = f"zones[{index}].box"
+            raise InvalidOption(
+                f"{field}: The box is {x1 - x0:.3g} x {y1 - y0:.3g} pixels large on the page; give at least "
+                f"{_MIN_SIDE_PX:g} x {_MIN_SIDE_PX:g}, or leave the zone out.",
+                field,
+            )
+
+
+def _rounded(box: Box) -> tuple[float, ...]:
+    return tuple(round(side, 2) for side in box)
 
 
 def check_frame(page: Page, picture: RgbImage | None) -> None:

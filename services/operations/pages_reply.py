@@ -20,9 +20,9 @@ from services.operations.page_reading import write_text
 from services.operations.replies import (
     ENCODING_BEGINS,
     SourceFacts,
-    finished_pdf,
     describe_timings,
     describe_warnings,
+    finished_pdf,
     image_format_of,
     show_page,
     timed,

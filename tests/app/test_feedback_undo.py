@@ -115,6 +115,26 @@ def test_after_undo_every_learner_is_where_it_was(client: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize("client", LEARNERS, indirect=True)
+def without_effect(client: httpx.Client) -> list[tuple[str, str | None]]:
+    """Of the feedback on letters, newest first: the result, and why the model does not contain it."""
+    listed = client.get("/layout/models/letter/feedback").json()["feedback"]
+    return [
+        (each["result"], model["without_effect"])
+        for each in listed
+        for model in each["models"]
+        if model["name"] == "letter"
+    ]
+
+
+def test_the_list_says_which_feedback_a_later_one_replaced(client: httpx.Client) -> None:
+    result, other = (recognize(client, page("letter", seed)) for seed in (10, 11))
+    teach(client, result, "letter", NEW)
+    teach(client, other, "letter", USUAL)
+    assert without_effect(client) == [(other, None), (result, None)]
+    teach(client, result, "letter", USUAL)
+    assert without_effect(client) == [(result, None), (other, None), (result, "replaced")]
+
+
 def test_feedback_in_between_keeps_its_lessons(client: httpx.Client) -> None:
     """The outcome equals that of the other feedback alone, of both classes and in the same order."""
     lessons = [
@@ -204,6 +224,7 @@ def test_new_labels_rollback_and_what_cannot_be_undone(client: httpx.Client) -> 
     assert (rolled["samples"], len(rolled["later_samples"]), rolled["dropped_samples"]) == (5, 2, 0)
     again = teach(client, later, "letter", USUAL)
     assert (again["created"], [each["code"] for each in again["warnings"]]) == (False, ["rolled-back"])
+    assert [effect for _, effect in without_effect(client)] == ["rolled-back"] * 2
     assert undo(client, later)["models"] == []
     teach(client, later, "letter", USUAL)
     dropped = {"version": first, "drop_later_samples": True}

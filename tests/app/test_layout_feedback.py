@@ -453,8 +453,8 @@ def test_the_history_of_a_model(client: httpx.Client) -> None:
         (results[0], "letter", 1),
     ]
     assert told["feedback"][1]["models"] == [
-        {"name": "letter", "old_version": 2, "new_version": 3},
-        {"name": "memo", "old_version": 1, "new_version": 2},
+        {"name": "letter", "old_version": 2, "new_version": 3, "without_effect": None},
+        {"name": "memo", "old_version": 1, "new_version": 2, "without_effect": None},
     ]
     assert list(told["feedback"][0]) == [
         "id", "result", "class", "zones", "wrong", "models", "sample", "created",

@@ -14,7 +14,8 @@ from services.layout.exchange.page_json import page_to_document
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.model.model_document import model_to_document
 from services.layout.page import Page
-from services.operations.layout_learning import adapt_models
+from services.operations.layout_learning import adapt_models, revise_page
+from services.operations.layout_models import measure_sample
 from tests.services.layout.samples import FIRST_UNSEEN, labelled_page, model_of, page_of
 
 LETTER = ModelDocument("letter", 1, json.dumps(model_to_document(model_of("letter", 2))).encode())
@@ -72,3 +73,23 @@ def test_found_zones_become_the_second_view_of_a_sample_whose_zones_a_person_dre
     sample = adapt_models(drawn, [LETTER], LayoutSettings()).sample
     assert [zone["label"] for zone in sample["found"]["zones"]] == [zone.label for zone in page.zones[:-1]]
     assert "found" not in adapt_models(task(page, "letter", labels), [LETTER], LayoutSettings()).sample
+
+
+def test_a_box_thinner_than_a_pixel_is_refused_unless_it_was_found() -> None:
+    found = [10.0, 10.0, 60.0, 10.4567]
+    kept: Any = {"width": 100, "height": 100, "zones": [{"id": "z1", "box": found, "label": "date"}]}
+    zones: Any = [
+        {"box": [10.0, 10.0, 60.0, 10.46], "label": "date"},
+        {"box": [5, 50, 5.02, 60], "label": None},
+    ]
+    with pytest.raises(InvalidOption, match="at least 1 x 1") as refused:
+        revise_page(kept, zones, LayoutSettings())
+    assert refused.value.field == "zones[1].box"
+    zones[1]["box"] = [99.5, 50, 120, 60]  # of which half a pixel is on the page
+    with pytest.raises(InvalidOption, match="at least 1 x 1"):
+        revise_page(kept, zones, LayoutSettings())
+    zones[1]["box"] = [5, 50, 6, 60]
+    assert len(revise_page(kept, zones, LayoutSettings()).zones) == 2
+    with pytest.raises(InvalidOption, match="at least 1 x 1") as refused:
+        measure_sample(None, json.dumps(kept).encode(), LayoutSettings())
+    assert refused.value.field == "zones[0].box"

@@ -66,6 +66,14 @@ def test_photos_are_pages_in_their_order() -> None:
     assert [page["width"] for page in pages_of(reply)] == [40, 30]
 
 
+@pytest.mark.parametrize("uploads", [(JPEG,), (JPEG, PNG)], ids=["one", "several"])
+def test_a_pdf_without_text_has_its_version_and_title(uploads: tuple[bytes, ...]) -> None:
+    body = run(*uploads, encoding=Encoding("pdf", pages_format="pdf", title="Minutes")).body
+    assert body.startswith(b"%PDF-1.7\n")
+    with pikepdf.open(io.BytesIO(body)) as document:
+        assert document.docinfo["/Title"] == "Minutes"
+
+
 def test_pages_of_files_are_pages_too(pipeline: RectifyPipeline) -> None:
     pipeline.mesh = turned_mesh(PHOTO)
     pdf = run(JPEG, PNG).body
