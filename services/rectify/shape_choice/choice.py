@@ -35,9 +35,6 @@ STRAIGHT_SIDES = 0.0002
 """RMS distance of the sides from straight ones, as a share of the sheet's size, up to which a sheet is smooth where its
 lines are straight: most smooth sheets leave 0.00002 to 0.0002, those folded in thirds 0.0002 to 0.0018, crumpled and
 crossed ones 0.0007 to 0.03."""
-EVEN_SIDES = 0.0006
-"""The same where lines that were traced across creases are straight: of 28 sheets folded in thirds the creased fit
-explained none of these better. Those that it did had 0.00077 and more, or bent lines."""
 FLAT_SIDES = 0.004
 """The same, up to which a smooth sheet is believed against an outline that may be that of a stack of pages."""
 CURVED_GAIN = 0.7
@@ -139,10 +136,7 @@ def _is_smooth(smooth: CurvedPage, found: Hypotheses) -> bool:
     """Whether no crease is left to be explained: sides and lines are as straight as smooth sheets leave them."""
     if found.outline is None:
         return True
-    sides = found.sides_of(smooth.page_map)
-    if sides < STRAIGHT_SIDES and not smooth.line_straightness > STRAIGHT:
-        return True
-    return sides < EVEN_SIDES and measure_straightness(smooth.page_map, found.profiles_in(smooth)) < STRAIGHT
+    return found.sides_of(smooth.page_map) < STRAIGHT_SIDES and not smooth.line_straightness > STRAIGHT
 
 
 def _text_contradicts_sides(smooth: CurvedPage, found: Hypotheses) -> bool:
