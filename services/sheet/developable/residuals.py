@@ -56,7 +56,8 @@ def bend_priors(bends: Vector, slope: Floats, spacing: float, sides_seen: bool) 
     """The bends (K,) are small and change little and slowly; `slope` (K, M) are their derivatives.
 
     Their sums stand for integrals of k^2, k'^2 and k''^2 along the sheet, so that splines that are `spacing` times as
-    far apart have the same ones. Paper may have creases: large changes of the bend are cheap (Cauchy's loss).
+    far apart have the same ones. Paper may have creases: to fine splines large changes of the bend are cheap (Cauchy's
+    loss). Not to wide ones, which are fitted first: at the end of a flat page's text one made a fold.
     """
     first, second = np.diff(slope, axis=0), np.diff(slope, 2, axis=0)
     difference = np.full(len(first), BEND_DIFFERENCE)
@@ -65,7 +66,9 @@ def bend_priors(bends: Vector, slope: Floats, spacing: float, sides_seen: bool) 
         difference[:rim] = difference[len(first) - rim :] = RIM_DIFFERENCE
     difference *= spacing**0.5
     change, size = BEND_CHANGE * spacing**1.5, BEND * spacing**-0.5
-    changes = under(cauchy, Residual(np.diff(bends, 2) / change, second / change))
+    changes = Residual(np.diff(bends, 2) / change, second / change)
+    if spacing < 1.0:
+        changes = under(cauchy, changes)
     return Residual(
         np.concatenate([np.diff(bends) / difference, changes.value, bends / size]),
         np.concatenate([first / difference[:, None], changes.slope, slope / size]),
