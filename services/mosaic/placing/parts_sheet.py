@@ -43,6 +43,7 @@ from services.sheet.tracing.page_lines import trace_lines
 MARGIN = 0.12
 """The bend continues beyond the text by this share of the sheet's width."""
 MOST_BENDS = 60
+"""Splines across a sheet that photos show in parts, as far apart as one photo has them, or farther."""
 ALONG = 25
 """Places along a photo at which its own surface tells the bend."""
 LIKE_RULINGS_RAD = np.deg2rad(25.0)
