@@ -26,7 +26,7 @@ from services.errors import DocumentError
 from services.imaging.codec import encode_image
 from services.operations.page_reading import read_flat_page, reading_engine
 from services.operations.rectify_documents import rectify_uploads
-from services.operations.replies import add_text_layer
+from services.operations.replies import finished_pdf
 from services.text.photo_places import locate_points
 from simulation.degradation import PHONE
 from simulation.flat_page import Page
@@ -94,7 +94,7 @@ def clean_pdf(page: Page) -> bytes:
     engine, language = reading_engine(None)
     image = page.image if page.image.ndim == 3 else cv2.cvtColor(page.image, cv2.COLOR_GRAY2RGB)
     text = read_flat_page(np.asarray(image, np.uint8), engine, language)
-    return add_text_layer(encode_image(image, "pdf"), [text], Encoding("pdf"), [300.0])
+    return finished_pdf(encode_image(image, "pdf"), [text], Encoding("pdf"), [300.0])
 
 
 def ink_boxes(page: Page) -> np.ndarray:
