@@ -30,8 +30,8 @@ def normalize_illumination(image: RgbImage, characters: Points | None = None) ->
     are neither bleached nor crushed. Colours are kept, but for a tint of the paper that may come from the light
     (`neutral_gains`). An image without print on paper is returned as it is.
 
-    `characters` (N, 2) are the places of all text in pixels of `image`. Where they are known, pictures are told from
-    shadows by them; without them only what no paper borders on is taken for a picture.
+    `characters` (N, 2) are the places of all text in pixels of `image`. With them, dark parts without text
+    are pictures and those with text are shadows; without them, only a part that touches no paper is a picture.
     """
     levels = measure_levels(image)
     if levels is None:
