@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 GROUND_PX = 400
-"""Long side of the copy on which paper and desk are separated: light and paper vary slowly, print is some pixels high."""
+"""Long side of the copy on which paper and desk are separated: light and paper vary slowly, print is small."""
 LARGEST_STEP = 1.3
 """Pixels of an image per drawn pixel up to which interpolation skips none."""
 _LEFT_AFTER_HALVES = 0.5
