@@ -252,10 +252,12 @@ def _read_models(
 
 def _draft(given: GivenFeedback, adaptation: Adaptation, warnings: list[Warning]) -> FeedbackDraft:
     verified, texts = given.verified, given.texts
+    wrong = [*adaptation.wrong, *given.left_out]
+    zones = adaptation.zones + len(given.left_out)
     report = FeedbackReport(
         **{"class": FoundAndVerified(found=verified.found_class, verified=verified.verified_class)},
-        zones=adaptation.zones,
-        wrong=adaptation.wrong,
+        zones=zones,
+        wrong=wrong,
         costs=adaptation.costs,
         texts=list(texts),
         verdicts=given.verdicts(adaptation),
@@ -268,8 +270,8 @@ def _draft(given: GivenFeedback, adaptation: Adaptation, warnings: list[Warning]
         report=report.model_dump(mode="json"),
         found_class=verified.found_class,
         verified_class=verified.verified_class,
-        zones=adaptation.zones,
-        wrong_zones=len(adaptation.wrong),
+        zones=zones,
+        wrong_zones=len(wrong),
         class_wrong=verified.found_class != verified.verified_class,
         sample=adaptation.sample if verified.verified_class is not None and adaptation.zones else None,
         owner=given.owner,

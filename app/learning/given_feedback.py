@@ -11,7 +11,7 @@ from app.schemas.layout_feedback import FeedbackBody
 from app.state import AppState
 from models.feedback_records import GivenJson
 from models.records import RECOGNIZED, recognized
-from services.contract.answers.learning import GivenText, Verdict
+from services.contract.answers.learning import GivenText, Verdict, WrongLabel
 from services.contract.boxes import area, common_area
 from services.contract.layout_learning import Adaptation, VerifiedPage
 from services.contract.page_json import GivenZoneJson, PageJson
@@ -61,6 +61,21 @@ class GivenFeedback:
         }
         kept = (zone["id"] for zone in self.zones if zone["text"] == before.get(zone["id"]))
         return frozenset((*kept, *(each.zone for each in self.texts)))
+
+    @property
+    def left_out(self) -> list[WrongLabel]:
+        """The recognized zones with a label that the person left out, with nothing drawn in their place."""
+        if self.verified.verified_class is None:
+            return []
+        kept = {str(zone["id"]) for zone in self.verified.page["zones"]}
+        places = [zone["box"] for zone in self.verified.page["zones"]]
+        return [
+            WrongLabel(zone=zone["id"], found=zone["label"], verified=None)
+            for zone in self.recognized["result"]["zones"]
+            if zone["label"] is not None
+            and zone["id"] not in kept
+            and not any(_lies_under(zone["box"], box) for box in places)
+        ]
 
     @property
     def is_new_class(self) -> bool:
@@ -134,12 +149,15 @@ def _with_found_labels(verified: VerifiedPage[PageJson], before: RecognizedJson)
 
 def _label_under(box: Sequence[float], zones: Sequence[LabelledZoneJson]) -> str | None:
     """The label of the zone that has most of a box in common with it, at least half of the smaller one."""
-    most, label = 0.0, None
-    for zone in zones:
-        common = common_area(box, zone["box"])
-        if common > most and 2 * common >= min(area(box), area(zone["box"])):
-            most, label = common, zone["label"]
-    return label
+    under = [zone for zone in zones if _lies_under(zone["box"], box)]
+    nearest = max(under, key=lambda zone: common_area(box, zone["box"]), default=None)
+    return None if nearest is None else nearest["label"]
+
+
+def _lies_under(found: Sequence[float], drawn: Sequence[float]) -> bool:
+    """Whether two boxes have at least half of the smaller one in common."""
+    common = common_area(found, drawn)
+    return common > 0.0 and 2 * common >= min(area(found), area(drawn))
 
 
 def _zones_with_texts(document: StoredResultJson, body: FeedbackBody) -> list[GivenZoneJson]:

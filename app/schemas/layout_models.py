@@ -86,7 +86,8 @@ class InitializedModel(Answer):
     )
     warnings: list[Warning] = Field(
         default=[],
-        description="Of the table of the class: `column-without-cells`, `column-outside-rows`, `two-cells-in-line`.",
+        description="Of the table of the class: `column-without-cells`, `column-outside-rows`, `two-cells-in-line`, "
+        "`several-cells-in-box`.",
     )
 
 

@@ -23,9 +23,9 @@ from services.layout.learning.training import train_in_rounds
 from services.layout.model.layout_model import MOST_LABELS
 from services.layout.model.model_document import model_to_document
 from services.layout.page import InvalidLayout, Page, Zone
-from services.layout.tables.learning import gathered_samples, learn_table, table_page
+from services.layout.tables.learning import TablePage, gathered_samples, learn_table, table_page
 from services.layout.tables.reading import TablePlan, read_tables
-from services.layout.tables.sample_doubts import doubts_of_rows
+from services.layout.tables.sample_doubts import doubts_of_rows, holds_several_cells
 from services.layout.tables.table_model import TableModel
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_zones
@@ -60,7 +60,8 @@ def adapt_models(
     InvalidModel
         When this release cannot read a model.
     InvalidOption
-        When the model would have too many labels, or when zones have no label and no model can find it.
+        When the model would have too many labels, when zones have no label and no model can find it, or when a box
+        with the label of a column holds several cells.
     """
     features = content_features(settings.content_features)
     whole = verified.read_by(lambda page: features.measure_page(read_kept_page(page, settings)))
@@ -149,7 +150,18 @@ def _without_cells(
     )
     printed = verified.page if verified.found_page is None else verified.found_page
     taught = table_page(replace(page, zones=cells), printed, columns)
+    _check_cells(cells, taught)
     return replace(verified, page=page), cells, learn_table([taught], columns, known)
+
+
+def _check_cells(cells: Sequence[Zone], page: TablePage) -> None:
+    for cell in cells:
+        if holds_several_cells(page, cell.box):
+            raise InvalidOption(
+                f"labels.{cell.id}: {cell.label} is a column of the table, and the box of this zone holds several "
+                "cells. Send `zones` with a box around each cell; those of one or two rows are enough.",
+                f"labels.{cell.id}",
+            )
 
 
 def _sample(verified: Page, found: Page | None) -> SampleJson:

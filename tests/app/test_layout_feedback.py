@@ -439,6 +439,20 @@ def test_a_drawn_zone_is_wrong_where_the_label_under_it_was(client: httpx.Client
     assert [each["zone"] for each in again["wrong"]] == [each["zone"] for each in told["wrong"]]
 
 
+def test_a_labelled_zone_that_is_left_out_was_wrong(client: httpx.Client) -> None:
+    result = recognize(client)
+    first, second = client.get(f"/layout/results/{result}").json()["zones"]
+    told = answer(give(client, result, {"zones": [{"box": second["box"], "label": second["label"]}]}))
+    assert second["label"] is None
+    assert told["wrong"] == [{"zone": first["id"], "found": first["label"], "verified": None}]
+    health = client.get("/layout/models/letter/health").json()
+    assert health["recent_zone_error"] == pytest.approx(1 / 2)
+    one = [min(first["box"][0], second["box"][0]), min(first["box"][1], second["box"][1])]
+    one += [max(first["box"][2], second["box"][2]), max(first["box"][3], second["box"][3])]
+    told = answer(give(client, result, {"zones": [{"box": one, "label": first["label"]}]}))
+    assert told["wrong"] == []  # joined with another zone: nothing lies there without a label
+
+
 def test_the_history_of_a_model(client: httpx.Client) -> None:
     client.put("/layout/models/memo", json=MEMO)
     results = [recognize(client, "letter") for _ in range(3)]

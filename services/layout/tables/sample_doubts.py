@@ -4,13 +4,28 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from services.contract.boxes import common_height
+from services.contract.boxes import common_height, holds_middle
 from services.layout.page import Box
 from services.layout.tables.learning import TablePage, labelled_rows
+from services.layout.tables.print_rows import em_of, page_words, printed_rows, segments_of
+from services.layout.values.kinds import NUMERIC, kind_of
 from services.notices import Notice
 
 _ONE_LINE = 0.5
 """Common height from which on two cells are in one line, as a share of the lower one."""
+
+
+def holds_several_cells(page: TablePage, box: Box) -> bool:
+    """Whether a box that was labelled as one cell holds print of a table: rows of several parts, or of one number each.
+
+    The lines of one cell have one part each, and of its numbers only one stands alone in a line.
+    """
+    words = page_words(page.printed)
+    rows = printed_rows(word for word in words if holds_middle(box, word.box))
+    parts = [segments_of(row, em_of(words)) for row in rows]
+    parted = sum(len(row) > 1 for row in parts)
+    numbers = sum(len(row) == 1 and kind_of(row[0].text) in NUMERIC for row in parts)
+    return max(parted, numbers) > 1
 
 
 def doubts_of_samples(pages: Sequence[TablePage], items: Sequence[str]) -> list[Notice]:
@@ -38,6 +53,19 @@ def doubts_of_samples(pages: Sequence[TablePage], items: Sequence[str]) -> list[
         )
         for label in items
         if 2 * alone[label] > having[label]
+    ]
+    wide = Counter(
+        label
+        for page in pages
+        for label in dict.fromkeys(label for label, box in page.cells if holds_several_cells(page, box))
+    )
+    found += [
+        Notice(
+            "several-cells-in-box",
+            f"{count} of the pages have a box labelled {label!r} that holds several cells, which are learned as one. "
+            "Draw a box around each cell; those of one or two rows are enough.",
+        )
+        for label, count in wide.items()
     ]
     return [*found, *doubts_of_rows(pages)]
 

@@ -12,6 +12,7 @@ from services.contract.fields import FieldSetting
 from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, Correction, RevisedPage, VerifiedPage
 from services.contract.page_json import PageJson, SampleJson
+from services.errors import InvalidOption
 from services.layout.model.model_document import model_from_document
 from services.layout.page import Page
 from services.layout.recognition.page_recognition import VersionedModel
@@ -264,6 +265,24 @@ def test_another_zone_takes_a_row_away(document: dict[str, Any]) -> None:
     for label in ("note", None):
         result, _, _ = corrected(page, stored(document), [{"box": hull, "label": label, "kind": "text"}])
         assert len(shown_texts(result)) == len(page.rows) - 1
+
+
+@pytest.mark.parametrize(
+    ("labels", "rows"), [(ITEMS, 3), (("amount",), 3), (("quantity", "amount"), 2)], ids=str
+)
+def test_a_box_of_several_cells_is_not_one(
+    document: dict[str, Any], labels: Sequence[str], rows: int
+) -> None:
+    [page] = made(ALDER, 20)
+    boxes = [row[label].box for row in page.rows[:rows] for label in labels]  # type: ignore[index]
+    x0, y0, x1, y1 = zip(*boxes, strict=True)
+    zone = {"box": [min(x0), min(y0), max(x1), max(y1)], "label": "amount", "kind": "text"}
+    with pytest.raises(InvalidOption, match="holds several cells") as refused:
+        corrected(page, stored(document), [zone])
+    assert str(refused.value.field).startswith("labels.")
+    wide = {**sample(ALDER, 20), "zones": [{"id": "wide", **zone}]}
+    warnings = initialize_from_samples("invoice", [wide], SETTINGS, ["amount"]).warnings  # type: ignore[list-item]
+    assert "several-cells-in-box" in [each.code for each in warnings]
 
 
 def test_zones_are_known_by_their_places_and_cells_by_their_words(document: dict[str, Any]) -> None:
