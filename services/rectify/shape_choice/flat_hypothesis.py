@@ -19,6 +19,7 @@ from services.imaging.reduction import Halves, reduce_image
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.analysis.photo_border import HUGGING
+from services.rectify.analysis.slanted_print import without_slanted_print
 from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
@@ -71,7 +72,7 @@ def flat_page(
     """
     if analysis.facing_page or sheet_in_view(outline, view, is_document=is_document):
         return None
-    evidence = analysis.evidence(view)
+    evidence = without_slanted_print(analysis).evidence(view)
     plane = level_plane(evidence.major, prior)
     skew = float(np.arctan2(plane.rotation[1, 0], plane.rotation[0, 0]))
     upright = _from_axis(skew)

@@ -150,8 +150,8 @@ def _line_departure(
     (turn, along), covariance = _fit(from_line(straight), level, weights)
     perspective = Measured(float(along), float(np.sqrt(covariance[1, 1])))
     found, covariance = _fit(from_line(np.column_stack([straight, bent])), level, weights, prior=2)
-    # What an affine map leaves of the bend where lines are. Its noise is taken away.
-    rest = _without_affine(bent, at)
+    # What straight lines leave of the bend where lines are. Its noise is taken away.
+    rest = _beyond_straight(bent, at)
     noise = float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", rest, covariance[2:, 2:], rest))))
     size = float(np.sqrt(np.mean((rest @ found[2:]) ** 2)))
     # Halves of the width become shares of it.
@@ -167,10 +167,13 @@ def _bends(at: Points) -> Floats:
     return np.column_stack([along, along * y[:, None]])
 
 
-def _without_affine(values: Floats, at: Points) -> Floats:
-    """`values` (N, P) less what an affine function of the places (N, 2) explains."""
-    affine = np.column_stack([np.ones(len(at)), at])
-    return np.asarray(values - affine @ np.linalg.lstsq(affine, values, rcond=None)[0])
+def _beyond_straight(values: Floats, at: Points) -> Floats:
+    """`values` (N, P) less what an affine map and a perspective explain at the places (N, 2).
+
+    Where lines take a part of the width, curves are nearly straight there: a convergence may undo them.
+    """
+    straight = np.column_stack([np.ones(len(at)), at, at.prod(axis=1)])
+    return np.asarray(values - straight @ np.linalg.lstsq(straight, values, rcond=None)[0])
 
 
 def _convergence(at: Points, samples: FlowSamples, mean_rad: float, across: int) -> Measured:
