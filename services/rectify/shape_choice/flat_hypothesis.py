@@ -25,7 +25,13 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
+from services.sheet.plane.departure import (
+    DEVIATIONS,
+    Departure,
+    Measured,
+    measure_departure,
+    perspective_by_flow,
+)
 from services.sheet.plane.flat_photo import PhotoAsPage
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.pose import level_plane
@@ -37,8 +43,6 @@ from services.texture_flow.text_identification import detect_ink
 VISIBLE = 0.0023
 """On 25 pages that an app has cropped, and an old book on a scanner, perspective moves the print by up to 0.0022, a
 bend by up to 0.0017; on photos that are visibly not flat one of them does by 0.0025 and more."""
-DEVIATIONS = 4.0
-"""Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
 CLEAR_FLOW = 3.0
 """If the directions of the text alone show so many times that, no line is traced."""
 VISIBLE_TURN_RAD = float(np.deg2rad(0.5))

@@ -31,6 +31,8 @@ ROUNDS = 8
 """Of reweighted least squares."""
 BEND_TERMS = 5
 """Of each polynomial of a bend: a page of a book bends within a tenth of its width."""
+BEND_UNKNOWNS = 2 + 2 * BEND_TERMS
+"""With a level of each line. Fewer points are fitted too well to show their own noise."""
 BEND_DEVIATION = 0.02
 """Standard deviation of their coefficients before anything is seen, in halves of the photo's width."""
 FEWEST_POINTS = 8
@@ -41,6 +43,8 @@ NARROW = 0.6
 """Of the photo's width: print that takes less is part of a page that is narrower too, ..."""
 ENDS = (5.0, 95.0)
 """... between these percentiles of its characters."""
+DEVIATIONS = 4.0
+"""Standard deviations that what is seen must have: neighbouring directions share ink, so these are too small."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +96,10 @@ def measure_departure(
     if used.sum() < FEWEST_POINTS:
         return Departure(skew_rad, None, crossing, None)
     turn, along, bend = _line_departure(lines.points[used] @ axes, lines.index[used], lines.deviations[used])
+    known = used.sum() - len(np.unique(lines.index[used])) > BEND_UNKNOWNS
     bend = bend.scaled(_narrowness(characters @ axes))
-    return Departure(skew_rad + turn, along.scaled(reach), crossing, bend)
+    seen = skew_rad + turn.value if abs(turn.value) > DEVIATIONS * turn.deviation else skew_rad
+    return Departure(seen, along.scaled(reach), crossing, bend if known else None)
 
 
 def perspective_by_flow(
@@ -128,7 +134,7 @@ def _axes(view: PhotoFrame, skew_rad: float) -> Floats:
 
 def _line_departure(
     at: Points, index: NDArray[np.intp], deviations: Vector
-) -> tuple[float, Measured, Measured]:
+) -> tuple[Measured, Measured, Measured]:
     """Slope (rad), convergence, and displacement by a bend, from points `at` (N, 2) of lines.
 
     `index` (N,) is the line of each point; all is in halves of the photo's width. On line k
@@ -148,7 +154,10 @@ def _line_departure(
     x, y = at.T
     level, straight, bent = from_line(at[:, 1:])[:, 0], np.stack([x, -x * y], axis=1), _bends(at)
     (turn, along), covariance = _fit(from_line(straight), level, weights)
-    perspective = Measured(float(along), float(np.sqrt(covariance[1, 1])))
+    slope, perspective = (
+        Measured(float(found), float(np.sqrt(variance)))
+        for found, variance in zip((turn, along), np.diag(covariance), strict=True)
+    )
     found, covariance = _fit(from_line(np.column_stack([straight, bent])), level, weights, prior=2)
     # What straight lines leave of the bend where lines are. Its noise is taken away.
     rest = _beyond_straight(bent, at)
@@ -156,7 +165,7 @@ def _line_departure(
     size = float(np.sqrt(np.mean((rest @ found[2:]) ** 2)))
     # Halves of the width become shares of it.
     by_bend = Measured(float(np.sqrt(max(size**2 - noise**2, 0.0))), noise).scaled(0.5)
-    return float(turn), perspective, by_bend
+    return slope, perspective, by_bend
 
 
 def _bends(at: Points) -> Floats:

@@ -71,14 +71,16 @@ class PhotoAsPage:
     ) -> FlatFrame:
         """See `PageShape`."""
         turn = self.H_centred_plane
-        if self.box is None or crop == "text":
+        # A page whose end is not seen goes on to the photo's.
+        ends_within = self.box is None and paper is not None
+        if crop == "text" or (crop == "sheet" and ends_within):
             framing = TEXT_FRAMING if crop == "text" else None
             H_photo_plane = view.H_photo_centred @ turn
             return frame_page(
                 H_photo_plane, (view.height, view.width), points, text_height_px, paper, framing
             )
         whole = (0, 0, view.width - 1, view.height - 1)
-        left, top, right, bottom = whole if crop == "photo" else self.box
+        left, top, right, bottom = whole if crop == "photo" or self.box is None else self.box
         corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], np.float64)
         middle = corners.mean(axis=0)
         reach = np.abs(transform_points(turn.T, corners - middle)).max(axis=0)
