@@ -94,7 +94,9 @@ def flat_page(
     )
     if is_beaten(departure):
         return None
-    ground, count = find_ground(photo), lines.count // 2
+    # Of light print on dark paper the negative has the ground: what is dark and narrow on paper is print.
+    printed = photo if analysis.positive is None else Halves(np.asarray(255 - photo.image, np.uint8))
+    ground, count = find_ground(printed), lines.count // 2
     shape = _flat_photo(ground, departure.skew_rad, count, view, prior, is_document=is_document)
     if not is_document and not _is_print(photo, evidence, shape, ground):
         return None

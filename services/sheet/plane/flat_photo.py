@@ -24,8 +24,9 @@ class PhotoAsPage:
     """The photo as the flat page, turned by `turn_rad` at most; see `PageShape`.
 
     `box` (left, top, right, bottom) is the part of the photo, in whole pixels, that the sheet fills; None where the
-    sheet's ground does not reach to the photo's frame. With `keeps_size` the view has the size of the box though it is
-    turned: a page of a PDF keeps its size. `focal` is not seen.
+    sheet's ground does not reach to the photo's frame: then a view goes to the paper's end, or to the photo's if that
+    is not seen. With `keeps_size` the view has the size of the box though it is turned: a page of a PDF keeps its size.
+    `focal` is not seen.
     """
 
     turn_rad: float
@@ -71,9 +72,7 @@ class PhotoAsPage:
     ) -> FlatFrame:
         """See `PageShape`."""
         turn = self.H_centred_plane
-        # A page whose end is not seen goes on to the photo's.
-        ends_within = self.box is None and paper is not None
-        if crop == "text" or (crop == "sheet" and ends_within):
+        if crop == "text" or (self.box is None and paper is not None):
             framing = TEXT_FRAMING if crop == "text" else None
             H_photo_plane = view.H_photo_centred @ turn
             return frame_page(
