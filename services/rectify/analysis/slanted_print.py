@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from services.rectify.analysis.found_text import MIN_FLOW_SAMPLES
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.sheet.plane.pose import most_common_direction
 from services.texture_flow.field import FlowSamples, angle_difference
@@ -20,13 +21,13 @@ from services.texture_flow.text_identification import SIZE_RATIO, keep_character
 def without_slanted_print(analysis: PageAnalysis) -> PageAnalysis:
     """The `analysis` of that print alone whose size and directions go over into those of most characters.
 
-    Each character counts once: few letters of a stamp have as much ink as many lines of text.
+    All of it, where too little would be left to show a direction. Each character counts once: few letters of a stamp have as much ink as many lines of text.
     """
     text, minor, characters = analysis.text, analysis.minor, analysis.characters
     small = text.components.sizes < SIZE_RATIO * text.text_height_px
     letters = cKDTree(characters)
     major = analysis.major.select(small[letters.query(analysis.major.points)[1]])
-    if not len(major):
+    if len(major) < MIN_FLOW_SAMPLES:
         return analysis
     places = cKDTree(major.points)
     shown = places.query(characters)[1]
@@ -42,7 +43,7 @@ def without_slanted_print(analysis: PageAnalysis) -> PageAnalysis:
             break
         level = grown
     kept = small & level[shown]
-    if kept.all():
+    if kept.all() or level.sum() < MIN_FLOW_SAMPLES:
         return analysis
     return replace(
         analysis,

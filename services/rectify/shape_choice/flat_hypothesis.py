@@ -25,13 +25,7 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
-from services.sheet.plane.departure import (
-    DEVIATIONS,
-    Departure,
-    Measured,
-    measure_departure,
-    perspective_by_flow,
-)
+from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
 from services.sheet.plane.flat_photo import PhotoAsPage
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.pose import level_plane
@@ -42,7 +36,9 @@ from services.texture_flow.text_identification import detect_ink
 # What beats the hypothesis. Perspective and bends are RMS displacements of the print as shares of the width.
 VISIBLE = 0.0023
 """On 25 pages that an app has cropped, and an old book on a scanner, perspective moves the print by up to 0.0022, a
-bend by up to 0.0017; on photos that are visibly not flat one of them does by 0.0025 and more."""
+bend by up to 0.0014; on photos that are visibly not flat both together do by 0.0024 and more."""
+DEVIATIONS = 4.0
+"""Standard deviations that it must have too: neighbouring directions share ink, so these are too small."""
 CLEAR_FLOW = 3.0
 """If the directions of the text alone show so many times that, no line is traced."""
 VISIBLE_TURN_RAD = float(np.deg2rad(0.5))
@@ -151,11 +147,9 @@ def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, is_document
 
 
 def is_beaten(departure: Departure) -> bool:
-    """Whether the print departs from a flat photo's by more than its noise, and visibly."""
-    aslant, bent = (departure.by_lines, departure.by_strokes), departure.by_bend
-    if any(_is_sure(found, VISIBLE) for found in aslant if found is not None):
-        return True
-    return bent is not None and _is_sure(bent, VISIBLE)
+    """Whether the print departs from a flat photo's visibly, by all together that is beyond its noise."""
+    found = (departure.by_lines, departure.by_strokes, departure.by_bend)
+    return bool(np.linalg.norm([part.value for part in found if part and _is_sure(part, 0.0)]) > VISIBLE)
 
 
 def sure_departure(departure: Departure) -> float:

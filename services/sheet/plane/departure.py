@@ -32,7 +32,7 @@ ROUNDS = 8
 BEND_TERMS = 5
 """Of each polynomial of a bend: a page of a book bends within a tenth of its width."""
 BEND_UNKNOWNS = 2 + 2 * BEND_TERMS
-"""With a level of each line. Fewer points are fitted too well to show their own noise."""
+"""With a level of each line. Fewer points are fitted too well to show their own noise, or a turn."""
 BEND_DEVIATION = 0.02
 """Standard deviation of their coefficients before anything is seen, in halves of the photo's width."""
 FEWEST_POINTS = 8
@@ -43,8 +43,6 @@ NARROW = 0.6
 """Of the photo's width: print that takes less is part of a page that is narrower too, ..."""
 ENDS = (5.0, 95.0)
 """... between these percentiles of its characters."""
-DEVIATIONS = 4.0
-"""Standard deviations that what is seen must have: neighbouring directions share ink, so these are too small."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +94,10 @@ def measure_departure(
     if used.sum() < FEWEST_POINTS:
         return Departure(skew_rad, None, crossing, None)
     turn, along, bend = _line_departure(lines.points[used] @ axes, lines.index[used], lines.deviations[used])
-    known = used.sum() - len(np.unique(lines.index[used])) > BEND_UNKNOWNS
+    if used.sum() - len(np.unique(lines.index[used])) <= BEND_UNKNOWNS:
+        return Departure(skew_rad, along.scaled(reach), crossing, None)
     bend = bend.scaled(_narrowness(characters @ axes))
-    seen = skew_rad + turn.value if abs(turn.value) > DEVIATIONS * turn.deviation else skew_rad
-    return Departure(seen, along.scaled(reach), crossing, bend if known else None)
+    return Departure(skew_rad + turn, along.scaled(reach), crossing, bend)
 
 
 def perspective_by_flow(
@@ -134,7 +132,7 @@ def _axes(view: PhotoFrame, skew_rad: float) -> Floats:
 
 def _line_departure(
     at: Points, index: NDArray[np.intp], deviations: Vector
-) -> tuple[Measured, Measured, Measured]:
+) -> tuple[float, Measured, Measured]:
     """Slope (rad), convergence, and displacement by a bend, from points `at` (N, 2) of lines.
 
     `index` (N,) is the line of each point; all is in halves of the photo's width. On line k
@@ -154,10 +152,7 @@ def _line_departure(
     x, y = at.T
     level, straight, bent = from_line(at[:, 1:])[:, 0], np.stack([x, -x * y], axis=1), _bends(at)
     (turn, along), covariance = _fit(from_line(straight), level, weights)
-    slope, perspective = (
-        Measured(float(found), float(np.sqrt(variance)))
-        for found, variance in zip((turn, along), np.diag(covariance), strict=True)
-    )
+    perspective = Measured(float(along), float(np.sqrt(covariance[1, 1])))
     found, covariance = _fit(from_line(np.column_stack([straight, bent])), level, weights, prior=2)
     # What straight lines leave of the bend where lines are. Its noise is taken away.
     rest = _beyond_straight(bent, at)
@@ -165,7 +160,7 @@ def _line_departure(
     size = float(np.sqrt(np.mean((rest @ found[2:]) ** 2)))
     # Halves of the width become shares of it.
     by_bend = Measured(float(np.sqrt(max(size**2 - noise**2, 0.0))), noise).scaled(0.5)
-    return slope, perspective, by_bend
+    return float(turn), perspective, by_bend
 
 
 def _bends(at: Points) -> Floats:

@@ -117,7 +117,7 @@ def test_noise_of_lines_in_a_part_of_the_width_is_no_bend() -> None:
     assert found.value + found.deviation < 0.0003
 
 
-def test_few_points_show_no_bend_and_no_turn_within_their_noise() -> None:
+def test_few_points_show_neither_a_bend_nor_a_turn() -> None:
     """Of three short lines the bases are level, and capitals lift one end of each top."""
     level, lifted = np.array([-0.5, -0.5]), np.array([-0.57, -0.59])
     y = np.concatenate([row + k for k in (0.0, 0.1, 0.2) for row in (level, lifted[:: -1 if k else 1])])
