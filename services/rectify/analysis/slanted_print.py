@@ -21,7 +21,8 @@ from services.texture_flow.text_identification import SIZE_RATIO, keep_character
 def without_slanted_print(analysis: PageAnalysis) -> PageAnalysis:
     """The `analysis` of that print alone whose size and directions go over into those of most characters.
 
-    All of it, where too little would be left to show a direction. Each character counts once: few letters of a stamp have as much ink as many lines of text.
+    All of it, where too little would be left to show a direction. Each character counts once: few letters of a stamp
+    have as much ink as many lines of text.
     """
     text, minor, characters = analysis.text, analysis.minor, analysis.characters
     small = text.components.sizes < SIZE_RATIO * text.text_height_px
