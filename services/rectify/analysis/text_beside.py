@@ -18,8 +18,8 @@ MOST_BESIDE = 0.03
 def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal["texture", "print"] | None:
     """What the text of `analysis` outside of `outline` is, where it matters; None where it does not.
 
-    Texture beside a believed sheet is that of a desk. Print is told where it is most of the text: then the outline is no
-    end of the sheet. So may the border of a picture be, with the page's text above and below it.
+    Texture beside a believed sheet is that of a desk. Print is told where it is most of the text: then the outline is
+    no end of the sheet. So may the border of a picture be, with the page's text above and below it.
     """
     if outline is None:
         return None
