@@ -198,12 +198,12 @@ def measure_candidate(
         known = known | chosen | np.roll(chosen, 1)
     located = meet_sides(measured, known)
     sides = [_side(m, p) for m in measured]
+    ended = [leave_out_border(side, diagonal, window) for side in measured] if shows_print else measured
     pieces = []
-    for corner, m in zip(located, measured, strict=True):
+    for corner, m in zip(located, ended, strict=True):
         pieces += [corner[None]] if np.isfinite(corner).all() else []
         pieces.append(m.points)
     polygon = _inside(np.concatenate(pieces), window)
-    ended = [leave_out_border(side, diagonal, window) for side in measured] if shows_print else measured
     confidence = rate_outline(ended, located, candidate.rating)
     outline = SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
     return MeasuredOutline(outline, candidate, tuple(ended))

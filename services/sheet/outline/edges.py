@@ -175,7 +175,7 @@ def measure_sides(
 def leave_out_border(
     side: EdgePoints, diagonal: float, window: tuple[float, float, float, float]
 ) -> EdgePoints:
-    """A measured `side` as out of view where it runs along the end of the photo and is not seen.
+    """A measured `side` as out of view, and on the photo's border, where it runs along that and is not seen.
 
     The curve of a sheet that goes on beyond the photo ends some pixels before the border, nearer than an edge is
     sought. A side that is seen in part, and is lost beside the border, is one that is not seen well.
@@ -183,7 +183,12 @@ def leave_out_border(
     inner = side.seen | _shown(side.points, window, _reach(diagonal, EdgeParameters()))
     if side.seen.mean() * SIDE_POINTS >= LEAST_POINTS or inner.mean() > 0.5:
         return side
-    return replace(side, shown=side.shown & inner)
+    low, high = np.array(window[:2]), np.array(window[2:])
+    gaps = np.concatenate([side.points - low, high - side.points], axis=1)
+    ends = np.concatenate([low, high])
+    points, beside, nearest = side.points.copy(), np.flatnonzero(~inner), gaps.argmin(axis=1)[~inner]
+    points[beside, nearest % 2] = ends[nearest]
+    return replace(side, points=points, shown=side.shown & inner)
 
 
 def _reach(diagonal: float, p: EdgeParameters) -> float:

@@ -125,6 +125,8 @@ def test_a_sheet_that_leaves_the_photo_at_one_side_is_believed_on_a_desk_of_wood
     assert outline is not None
     assert outline.confidence > BELIEVED_CONFIDENCE
     assert [s.seen < 0.1 for s in outline.sides] == [k == side for k in range(4)]
+    end = (0, SIZE[0] - 1, SIZE[1] - 1, 0)[side]
+    assert np.sum(outline.polygon[:, (side + 1) % 2] == end) > 50, "the sheet goes on to the photo's border"
 
 
 def test_a_small_sheet_that_holds_the_print_is_believed() -> None:
