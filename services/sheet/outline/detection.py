@@ -108,7 +108,7 @@ def find_outline(
         return None
     reduced = reduce_photo(halves)
     candidates: list[Candidate] = []
-    on_sheet = np.zeros((0, 2))
+    on_sheet: Points = np.zeros((0, 2))
     for print_places in (characters, None):
         place = place_print(reduced, print_places)
         on_sheet = place.characters if len(place.characters) else on_sheet
