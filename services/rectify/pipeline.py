@@ -199,7 +199,7 @@ def find_page(
     Raises
     ------
     NoText
-        When neither text nor a sheet's edges nor straight print shows the page's shape.
+        When neither text nor a sheet's edges nor straight print shows the page's shape, or a region has no text.
     """
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = requested_prior(view, parameters, exif_focal_length_px)
@@ -211,7 +211,9 @@ def find_page(
     try:
         return search.page_by_text()
     except NoText as refusal:
-        if needs_text:
+        if (
+            needs_text or parameters.region is not None
+        ):  # a region is one of text, and the sheet beside it is not asked
             raise
         return search.page_without_text(refusal)
     finally:
