@@ -27,6 +27,7 @@ from services.sheet.outline.edges import (
     EdgePoints,
     follow_edge,
     leave_out_border,
+    leave_out_strays,
     measure_closed_edge,
     measure_sides,
     resample_closed,
@@ -196,6 +197,8 @@ def measure_candidate(
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)
+    if shows_print:
+        measured = [leave_out_strays(side, diagonal, window) for side in measured]
     located = meet_sides(measured, known)
     sides = [_side(m, p) for m in measured]
     ended = [leave_out_border(side, diagonal, window) for side in measured] if shows_print else measured

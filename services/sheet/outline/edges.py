@@ -172,6 +172,23 @@ def measure_sides(
     ]
 
 
+def leave_out_strays(
+    side: EdgePoints, diagonal: float, window: tuple[float, float, float, float]
+) -> EdgePoints:
+    """A measured `side` without what is seen where it runs along the photo's border and mostly is not seen.
+
+    There the sheet has left the photo, and letters that the border cuts look like its edge.
+    """
+    # The curve is near the border there, and an edge near the curve.
+    beside = ~_shown(side.points, window, 2.0 * _reach(diagonal, EdgeParameters()))
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], beside, [False]]).astype(int)))
+    seen = side.seen.copy()
+    for first, last in ends.reshape(-1, 2):
+        if side.seen[first:last].mean() < 0.5:
+            seen[first:last] = False
+    return replace(side, seen=seen)
+
+
 def leave_out_border(
     side: EdgePoints, diagonal: float, window: tuple[float, float, float, float]
 ) -> EdgePoints:

@@ -1,5 +1,7 @@
 """The outline of a sheet, on photos whose sheet is known."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from services.sheet.outline.detection import (
     OutlineParameters,
     find_outline,
 )
+from services.sheet.outline.edges import EdgePoints, leave_out_strays
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from tests.services.sheet.outline.drawn import distances, draw_sheet, sides_of
 
@@ -127,6 +130,23 @@ def test_a_sheet_that_leaves_the_photo_at_one_side_is_believed_on_a_desk_of_wood
     assert [s.seen < 0.1 for s in outline.sides] == [k == side for k in range(4)]
     end = (0, SIZE[0] - 1, SIZE[1] - 1, 0)[side]
     assert np.sum(outline.polygon[:, (side + 1) % 2] == end) > 50, "the sheet goes on to the photo's border"
+
+
+def test_letters_that_the_border_cuts_are_no_edge() -> None:
+    """A side leaves the photo half-way down; below, one of its points is that of a letter near the border."""
+    y = np.linspace(0, 990, 60)
+    x = np.where(y < 500, 200 - 0.4 * y, 4.0)
+    seen = y < 490
+    stray = seen.copy()
+    stray[45] = True
+    side = EdgePoints(
+        np.column_stack([x, y]), np.zeros((60, 2)), np.ones(60), np.ones(60), stray, np.ones(60, bool)
+    )
+    window = (0.0, 0.0, 800.0, 1000.0)
+    assert not leave_out_strays(side, 1300.0, window).seen[30:].any()
+    assert leave_out_strays(side, 1300.0, window).seen[:25].all()
+    along = replace(side, seen=np.ones(60, bool))
+    assert leave_out_strays(along, 1300.0, window).seen.all(), "a page that was cut closely"
 
 
 def test_a_small_sheet_that_holds_the_print_is_believed() -> None:
