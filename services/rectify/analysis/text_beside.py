@@ -8,7 +8,7 @@ import numpy as np
 from services.arrays import Mask
 from services.geometry.homographies import to_resized
 from services.rectify.analysis.page_analysis import PageAnalysis
-from services.sheet.outline.results import CERTAIN_CONFIDENCE, SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.tracing.level_rows import shows_print
 
 MOST_BESIDE = 0.03
@@ -18,20 +18,20 @@ MOST_BESIDE = 0.03
 def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal["texture", "print"] | None:
     """What the text of `analysis` outside of `outline` is, where it matters; None where it does not.
 
-    Texture beside a certain sheet is that of a desk. Print is told where it is most of the text: then the outline is no
-    end of the sheet. So may the border of a picture be, with the page's text above and below it.
+    Texture beside a believed sheet is that of a desk. Print is told where it is most of the text: then the outline is
+    no end of the sheet. So may the border of a picture be, with the page's text above and below it.
     """
     if outline is None:
         return None
     inside = outline.holds(analysis.characters).mean()
-    is_certain = outline.confidence >= CERTAIN_CONFIDENCE and inside < 1 - MOST_BESIDE
+    is_believed = outline.confidence >= BELIEVED_CONFIDENCE and inside < 1 - MOST_BESIDE
     is_most = inside < 0.5
-    if not is_certain and not is_most:
+    if not is_believed and not is_most:
         return None
     beside = _ink_beside(analysis, outline)
     if shows_print(beside) or shows_print(np.ascontiguousarray(beside.T)):
         return "print" if is_most else None
-    return "texture" if is_certain else None
+    return "texture" if is_believed else None
 
 
 def _ink_beside(analysis: PageAnalysis, outline: SheetOutline) -> Mask:

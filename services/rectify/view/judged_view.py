@@ -12,11 +12,11 @@ from services.geometry.page_frame import Frame, restore_detail
 from services.notices import Notice
 from services.rectify.effort import WHOLE, Effort
 from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view.cut_letters import count_cut_letters
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.held_corners import end_at_corners, hold_corners
 from services.rectify.view.paper_end import find_paper_end
 from services.rectify.view.print_kept import (
-    count_cut_letters,
     grow_to_print,
     kept_print,
     print_notices,

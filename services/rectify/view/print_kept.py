@@ -7,7 +7,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from services.arrays import Floats, Mask, Points, Vector
+from services.arrays import Floats, Mask, Points
 from services.geometry.homographies import from_resized, translation
 from services.geometry.page_frame import Frame
 from services.notices import Notice
@@ -37,10 +37,6 @@ MOST_GROWTH = 0.2
 """Of the view's size, on each side: what is farther away is no print of this page."""
 MARGIN = 0.5
 """Text heights that are kept round print at which the view grows."""
-LEAST_SEEN = 0.25
-"""Text heights of a cut letter that must be in the photo, ..."""
-LARGEST_LETTER = 1.5
-"""... and its largest extent: what is longer is a rule, a shadow or a desk."""
 
 
 def sheet_print(page: ShapedPage) -> Floats:
@@ -142,54 +138,6 @@ def print_notices(kept: Mask, cut_letters: int) -> tuple[Notice, ...]:
     lost = int(np.sum(~kept))
     is_lost = lost >= WORD and lost > STRAY_SHARE * len(kept)
     return (PRINT_CUT,) if is_lost or cut_letters >= WORD else ()
-
-
-def count_cut_letters(page: ShapedPage, boxes: Floats) -> int:
-    """Letters of `page` that the photo's border cuts, the most at one border; `boxes` (N, 4, 2) are its print.
-
-    They are ink that reaches the border, of the size of letters, beside print of the page. No character is among them:
-    a cut letter is no evidence of anything else.
-    """
-    analysis = page.analysis
-    if analysis is None or not len(boxes):
-        return 0
-    height = page.text_height_px * analysis.factor
-    labels, print_places = analysis.text.label_image, cKDTree(boxes.mean(axis=1))
-    most = 0
-    for turns in range(4):
-        places, deep, wide = _ink_at_first_row(np.rot90(labels, turns), int(np.ceil(LARGEST_LETTER * height)))
-        for k in reversed(range(turns)):
-            # Back by a quarter turn, which takes (x, y) of an array of W columns to (y, W - 1 - x).
-            places = np.column_stack([labels.shape[(k + 1) % 2] - 1 - places[:, 1], places[:, 0]])
-        at = from_resized(places, analysis.factor)
-        distance, _ = print_places.query(at, distance_upper_bound=REACH * page.text_height_px)
-        beside = np.isfinite(distance)
-        specks = beside & (np.maximum(deep, wide) < LEAST_SEEN * height)
-        letters = beside & (deep >= LEAST_SEEN * height) & (np.maximum(deep, wide) <= LARGEST_LETTER * height)
-        # Grain of a desk is mostly specks.
-        if letters.sum() > specks.sum():
-            most = max(most, int(letters.sum()))
-    return most
-
-
-def _ink_at_first_row(labels: NDArray[np.int32], depth: int) -> tuple[Points, Vector, Vector]:
-    """Middles (N, 2), depths (N,) and widths (N,) of the components of `labels` (H, W) that reach the first row.
-
-    They are seen down to `depth` rows.
-    """
-    strip = labels[: depth + 1]
-    found = np.unique(strip[0][strip[0] > 0])
-    rows, columns = np.nonzero(np.isin(strip, found) & (strip > 0))
-    index = np.searchsorted(found, strip[rows, columns])
-    low, high, deep = (
-        np.full(len(found), strip.shape[1]),
-        np.zeros(len(found), int),
-        np.zeros(len(found), int),
-    )
-    np.minimum.at(low, index, columns)
-    np.maximum.at(high, index, columns)
-    np.maximum.at(deep, index, rows)
-    return np.column_stack([0.5 * (low + high), 0.5 * deep]), deep + 1.0, high - low + 1.0
 
 
 def _within(polygon: Points, points: Points) -> Mask:

@@ -1,6 +1,6 @@
 """The outline of the sheet in a photo."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,8 @@ from services.sheet.outline.cut_corners import end_before_cut_corners
 from services.sheet.outline.edges import (
     EdgePoints,
     follow_edge,
+    leave_out_border,
+    leave_out_strays,
     measure_closed_edge,
     measure_sides,
     resample_closed,
@@ -48,6 +50,8 @@ SAME_PX = 2.0
 sought that far to either side ..."""
 SAME_SHARE = 0.9
 """... and where this share of it is, and nothing is four times as far off, a believed outline is the better one."""
+RATED_SHARE = 0.5
+"""Of the photo, as which a smaller sheet is rated where nothing outside of it is looked for."""
 DENSER = 8
 """Points of a curve that others are compared with, for each of its own."""
 
@@ -68,6 +72,20 @@ class OutlineParameters:
     most_cut: float = 0.5
     """... nor are those of which the photo cuts off a larger share: no candidate with more than 0.39 was believed on
     143 photos."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredOutline:
+    """The `outline` near a `candidate`; its four sides, `ended` where they run along the end of the photo."""
+
+    outline: SheetOutline
+    candidate: Candidate
+    ended: tuple[EdgePoints, ...]
+
+    @property
+    def confidence(self) -> float:
+        """That of the outline, 0-1, as outlines of one photo are compared."""
+        return self.outline.confidence
 
 
 def find_outline(
@@ -91,8 +109,10 @@ def find_outline(
         return None
     reduced = reduce_photo(halves)
     candidates: list[Candidate] = []
+    on_sheet: Points = np.zeros((0, 2))
     for print_places in (characters, None):
         place = place_print(reduced, print_places)
+        on_sheet = place.characters if len(place.characters) else on_sheet
         rate = partial(rate_curve, reduced, place.characters)
         candidates += find_candidates(reduced, place, rate, p.candidates)
         candidates.sort(key=lambda c: c.rating, reverse=True)
@@ -109,21 +129,28 @@ def find_outline(
     if not sought:
         return None
     medium = medium_photo(halves)
-    best: SheetOutline | None = None
+    best: MeasuredOutline | None = None
     found: list[cKDTree] = []
     for candidate in sought:
         if any(_is_same(candidate, known) for known in found):
             continue
-        outline = measure_candidate(halves.image, reduced, medium, candidate, p)
-        if outline is not None and outline.confidence >= BELIEVED_CONFIDENCE:
+        measured = measure_candidate(
+            halves.image, reduced, medium, candidate, p, shows_print=len(on_sheet) > 0
+        )
+        if measured is not None and measured.confidence >= BELIEVED_CONFIDENCE:
             found.append(cKDTree(resample_closed(candidate.curve, DENSER * len(candidate.curve))))
-        if outline is not None and (best is None or outline.confidence > best.confidence):
-            best = outline
+        if measured is not None and (best is None or measured.confidence > best.confidence):
+            best = measured
         if best is not None and best.confidence >= CERTAIN_CONFIDENCE:
             break
-    if best is None or best.confidence < LEAST_CONFIDENCE:
+    if best is None:
         return None
-    return end_before_cut_corners(best)
+    outline = best.outline
+    if len(on_sheet):
+        # Size and hidden corners tell which of two outlines is the sheet's, not whether one that holds the print is.
+        rating = max(best.candidate.rating, rate_curve(reduced, on_sheet, best.candidate.curve, RATED_SHARE))
+        outline = replace(outline, confidence=rate_outline(best.ended, outline.corners, rating, of_view=True))
+    return None if outline.confidence < LEAST_CONFIDENCE else end_before_cut_corners(outline)
 
 
 def _is_same(candidate: Candidate, known: cKDTree) -> bool:
@@ -138,10 +165,13 @@ def measure_candidate(
     medium: tuple[RgbImage, float],
     candidate: Candidate,
     parameters: OutlineParameters | None = None,
-) -> SheetOutline | None:
+    *,
+    shows_print: bool = False,
+) -> MeasuredOutline | None:
     """The outline near a candidate, measured in the photo; None when it has no four sides.
 
-    `medium` is the photo and its factor at which edges are followed before they are measured.
+    `medium` is the photo and its factor at which edges are followed before they are measured. A sheet that
+    `shows_print` may go on beyond the photo; without, that is furniture.
     """
     p = parameters or OutlineParameters()
     half, f = medium
@@ -167,15 +197,19 @@ def measure_candidate(
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)
+    if shows_print:
+        measured = [leave_out_strays(side, diagonal, window) for side in measured]
     located = meet_sides(measured, known)
     sides = [_side(m, p) for m in measured]
+    ended = [leave_out_border(side, diagonal, window) for side in measured] if shows_print else measured
     pieces = []
-    for corner, m in zip(located, measured, strict=True):
+    for corner, m in zip(located, ended, strict=True):
         pieces += [corner[None]] if np.isfinite(corner).all() else []
         pieces.append(m.points)
     polygon = _inside(np.concatenate(pieces), window)
-    confidence = rate_outline(measured, located, candidate.rating)
-    return SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
+    confidence = rate_outline(ended, located, candidate.rating)
+    outline = SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
+    return MeasuredOutline(outline, candidate, tuple(ended))
 
 
 def _inside(points: Points, window: tuple[float, float, float, float]) -> Points:

@@ -1,7 +1,7 @@
 """The sheet's edge, point by point: searched along the normals of a curve that is near it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Points, RgbImage, Vector
 from services.imaging.channels import length_of_channels
 from services.sheet.outline.paths import find_closed_paths, find_open_paths
+from services.sheet.outline.results import LEAST_POINTS, SIDE_POINTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +172,47 @@ def measure_sides(
     ]
 
 
+def leave_out_strays(
+    side: EdgePoints, diagonal: float, window: tuple[float, float, float, float]
+) -> EdgePoints:
+    """A measured `side` without what is seen where it runs along the photo's border and mostly is not seen.
+
+    There the sheet has left the photo, and letters that the border cuts look like its edge.
+    """
+    # The curve is near the border there, and an edge near the curve.
+    beside = ~_shown(side.points, window, 2.0 * _reach(diagonal, EdgeParameters()))
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], beside, [False]]).astype(int)))
+    seen = side.seen.copy()
+    for first, last in ends.reshape(-1, 2):
+        if side.seen[first:last].mean() < 0.5:
+            seen[first:last] = False
+    return replace(side, seen=seen)
+
+
+def leave_out_border(
+    side: EdgePoints, diagonal: float, window: tuple[float, float, float, float]
+) -> EdgePoints:
+    """A measured `side` as out of view, and on the photo's border, where it runs along that and is not seen.
+
+    The curve of a sheet that goes on beyond the photo ends some pixels before the border, nearer than an edge is
+    sought. A side that is seen in part, and is lost beside the border, is one that is not seen well.
+    """
+    inner = side.seen | _shown(side.points, window, _reach(diagonal, EdgeParameters()))
+    if side.seen.mean() * SIDE_POINTS >= LEAST_POINTS or inner.mean() > 0.5:
+        return side
+    low, high = np.array(window[:2]), np.array(window[2:])
+    gaps = np.concatenate([side.points - low, high - side.points], axis=1)
+    ends = np.concatenate([low, high])
+    points, beside, nearest = side.points.copy(), np.flatnonzero(~inner), gaps.argmin(axis=1)[~inner]
+    points[beside, nearest % 2] = ends[nearest]
+    return replace(side, points=points, shown=side.shown & inner)
+
+
+def _reach(diagonal: float, p: EdgeParameters) -> float:
+    """Distance in pixels to either side of a curve in which its edge is sought, in an outline of this `diagonal`."""
+    return max(p.fine_reach * diagonal, 3.0)
+
+
 def normals_along(guide: Points, count: int) -> tuple[Points, Points]:
     """`count` points at equal distances along the curve `guide` (N, 2), and unit normals there."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(guide, axis=0), axis=1))])
@@ -201,7 +243,7 @@ def _measure(
     """
     points, normals = curves.reshape(-1, 2), curve_normals.reshape(-1, 2)
     step = max(p.fine_step * diagonal, 0.5)
-    reach = max(p.fine_reach * diagonal, 3.0)
+    reach = _reach(diagonal, p)
     width = max(p.edge_width * diagonal, 1.0)
     near, far = (g * width for g in p.ground)
     half = int(np.ceil((reach + far) / step))

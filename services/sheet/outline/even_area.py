@@ -15,7 +15,7 @@ from services.imaging.channels import length_of_channels
 from services.imaging.components import label_components
 from services.imaging.reduction import Halves
 from services.sheet.outline.candidates import Candidate
-from services.sheet.outline.detection import measure_candidate
+from services.sheet.outline.detection import RATED_SHARE, measure_candidate
 from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.outline.scoring import rate_curve
@@ -31,8 +31,6 @@ class EvenAreaParameters:
     """Of the photo, of the area: smaller ones are sockets, notes on a wall, and letters."""
     convex: float = 0.8
     """Share of its convex hull that an area covers, its holes counted in: print and glare at its border are no part."""
-    rated_share: float = 0.5
-    """Of the photo, as which a smaller area is rated: no curve outside of it is looked for."""
 
 
 def find_even_area(photo: RgbImage | Halves) -> SheetOutline | None:
@@ -44,10 +42,12 @@ def find_even_area(photo: RgbImage | Halves) -> SheetOutline | None:
     reduced = reduce_photo(halves)
     best: SheetOutline | None = None
     for hull in _enclosed_areas(reduced, p):
-        rating = rate_curve(reduced, np.zeros((0, 2)), hull, p.rated_share)
-        outline = measure_candidate(halves.image, reduced, medium_photo(halves), Candidate(hull, rating, 0.0))
-        if outline is not None and outline.confidence > (best.confidence if best else BELIEVED_CONFIDENCE):
-            best = outline
+        rating = rate_curve(reduced, np.zeros((0, 2)), hull, RATED_SHARE)
+        measured = measure_candidate(
+            halves.image, reduced, medium_photo(halves), Candidate(hull, rating, 0.0)
+        )
+        if measured is not None and measured.confidence > (best.confidence if best else BELIEVED_CONFIDENCE):
+            best = measured.outline
     return best
 
 

@@ -97,23 +97,32 @@ def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float,
     return np.asarray(found.mean(axis=1))
 
 
-def outline_features(sides: Sequence[EdgePoints], located: Points, rating: float) -> Floats:
+def outline_features(
+    sides: Sequence[EdgePoints], located: Points, rating: float, *, of_view: bool = False
+) -> Floats:
     """Features (4,) that separate right outlines from wrong ones.
 
     Shares of what is in view on which an edge is seen, on all sides and on the worst one; the share of corners that
-    are known; the candidate's rating.
+    are known, `of_view` of those in view; the candidate's rating.
     """
     shown = np.concatenate([side.shown for side in sides])
     seen = np.concatenate([side.seen for side in sides])
-    # A side that is mostly out of view says nothing by its ends.
-    in_view = [side for side in sides if side.shown.mean() > 0.5]
-    worst = min((float(side.seen[side.shown].mean()) for side in in_view), default=0.0)
+    # A side that is mostly out of view says nothing by its ends, nor by its corners.
+    in_view = np.array([side.shown.mean() > 0.5 for side in sides])
+    worst = [float(side.seen[side.shown].mean()) for side, k in zip(sides, in_view, strict=True) if k]
     seen_of_shown = float(seen[shown].mean()) if shown.any() else 0.0
-    return np.array([seen_of_shown, worst, float(np.isfinite(located[:, 0]).mean()), rating])
+    known = np.isfinite(located[:, 0])
+    count = int((known | (in_view & np.roll(in_view, 1))).sum()) if of_view else 4
+    return np.array([seen_of_shown, min(worst, default=0.0), int(known.sum()) / max(count, 1), rating])
 
 
-def rate_outline(sides: Sequence[EdgePoints], located: Points, rating: float) -> float:
-    """Probability, 0-1, that an outline is the sheet's; `rating` is its candidate's."""
+def rate_outline(
+    sides: Sequence[EdgePoints], located: Points, rating: float, *, of_view: bool = False
+) -> float:
+    """Probability, 0-1, that an outline is the sheet's; `rating` is its candidate's.
+
+    Of two outlines the better one has more corners. Whether it is right, the corners `of_view` tell.
+    """
     p = ScoringParameters()
-    z = float(np.dot(p.evidence, outline_features(sides, located, rating))) + p.prior
+    z = float(np.dot(p.evidence, outline_features(sides, located, rating, of_view=of_view))) + p.prior
     return float(1 / (1 + np.exp(-z)))

@@ -1,5 +1,7 @@
 """Beside an outline the grain of a desk is no text of the sheet, and where print goes on the sheet does."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -70,7 +72,8 @@ def test_an_outline_with_most_of_the_print_beside_it_is_no_end_of_the_sheet(end:
     assert text_beside(analysis, outline) == ("print" if is_cut else None)
 
 
-def test_grain_beside_a_sheet_is_texture() -> None:
+@pytest.mark.parametrize(("confidence", "found"), [(1.0, "texture"), (0.9, "texture"), (0.7, None)])
+def test_grain_beside_a_believed_sheet_is_texture(confidence: float, found: str | None) -> None:
     photo = notepad_on_grain()
     analysis, outline = analyse_photo(photo), outline_between(Halves(photo), SHEET)
-    assert text_beside(analysis, outline) == "texture"
+    assert text_beside(analysis, replace(outline, confidence=confidence)) == found

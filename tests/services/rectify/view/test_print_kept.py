@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw, ImageFont
 
 from services.arrays import Floats, Points
 from services.geometry.focal_prior import typical_focal_prior
@@ -11,9 +12,9 @@ from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view.cut_letters import count_cut_letters
 from services.rectify.view.judged_view import judge_view
 from services.rectify.view.print_kept import (
-    count_cut_letters,
     grow_to_print,
     kept_print,
     print_notices,
@@ -105,6 +106,24 @@ def test_a_line_that_the_photos_border_halves_is_counted(shot: Shot, turns: int)
         cut = replace(page, view=PhotoFrame(seen.shape[1], seen.shape[0]), analysis=analysis)
         counts.append(count_cut_letters(cut, sheet_print(cut)))
     assert counts[0] >= 0.5 * len(row)
+    assert counts[1] == 0
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_a_line_that_ends_in_a_cut_letter_is_counted(shot: Shot, turns: int) -> None:
+    sheet = Image.new("RGB", (900, 700), (235, 235, 235))
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(28)
+    for k in range(12):
+        text = "Payment within a month of the invoice" if k == 4 else "Cutlery, a dozen of each"
+        draw.text((70, 60 + 45 * k), text, font=font, fill=(30, 30, 30))
+    end = 70 + font.getlength("Payment within a month of the invoice") - 0.5 * font.getlength("e")
+    counts = []
+    # The border lies within the last letter of the longest line, or well beside it.
+    for width in (round(end), round(end) + 40):
+        seen = np.ascontiguousarray(np.rot90(np.asarray(sheet)[:, :width], turns))
+        cut = replace(flat_page(shot), analysis=analyse_photo(seen))
+        counts.append(count_cut_letters(cut, sheet_print(cut)))
+    assert counts[0] >= 3
     assert counts[1] == 0
 
 

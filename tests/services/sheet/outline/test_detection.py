@@ -1,5 +1,7 @@
 """The outline of a sheet, on photos whose sheet is known."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from services.sheet.outline.detection import (
     OutlineParameters,
     find_outline,
 )
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.edges import EdgePoints, leave_out_strays
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from tests.services.sheet.outline.drawn import distances, draw_sheet, sides_of
 
 SIZE = (660, 820)
@@ -104,6 +107,56 @@ def test_a_corner_out_of_view_is_unknown_and_its_sides_are_partly_seen() -> None
     assert np.percentile(distances(points, sides_of(corners)), 95) < 1.0
     assert outline.polygon.min() >= 0
     assert (outline.polygon.max(axis=0) <= np.array(SIZE) - 1).all()
+
+
+def _print_on(corners: Points) -> Points:
+    """Characters (80, 2) in the middle of a sheet."""
+    places = np.random.default_rng(7).random((80, 2)) - 0.5
+    return np.asarray(corners.mean(axis=0) + 0.25 * places * np.ptp(corners, axis=0))
+
+
+@pytest.mark.parametrize("side", range(4))
+def test_a_sheet_that_leaves_the_photo_at_one_side_is_believed_on_a_desk_of_wood(side: int) -> None:
+    away = np.array([[0, -330], [300, 0], [0, 330], [-300, 0]])[side]
+    corners = CORNERS.mean(axis=0) + 0.8 * (CORNERS - CORNERS.mean(axis=0)) + away
+    grain = np.random.default_rng(7)
+    wood = cv2.GaussianBlur(grain.normal(0, 60, (SIZE[1], SIZE[0])), (0, 0), sigmaX=9, sigmaY=1.2)
+    photo = draw_sheet(sides_of(corners), SIZE).astype(np.float64)
+    photo = np.clip(photo + np.where(photo.max(axis=2) < 160, wood, 0)[..., None], 0, 255).astype(np.uint8)
+    inside = np.clip(_print_on(corners), 60, np.array(SIZE) - 60)
+    outline = find_outline(photo, inside, 8.0)
+    assert outline is not None
+    assert outline.confidence > BELIEVED_CONFIDENCE
+    assert [s.seen < 0.1 for s in outline.sides] == [k == side for k in range(4)]
+    end = (0, SIZE[0] - 1, SIZE[1] - 1, 0)[side]
+    assert np.sum(outline.polygon[:, (side + 1) % 2] == end) > 50, "the sheet goes on to the photo's border"
+
+
+def test_letters_that_the_border_cuts_are_no_edge() -> None:
+    """A side leaves the photo half-way down; below, one of its points is that of a letter near the border."""
+    y = np.linspace(0, 990, 60)
+    x = np.where(y < 500, 200 - 0.4 * y, 4.0)
+    seen = y < 490
+    stray = seen.copy()
+    stray[45] = True
+    side = EdgePoints(
+        np.column_stack([x, y]), np.zeros((60, 2)), np.ones(60), np.ones(60), stray, np.ones(60, bool)
+    )
+    window = (0.0, 0.0, 800.0, 1000.0)
+    assert not leave_out_strays(side, 1300.0, window).seen[30:].any()
+    assert leave_out_strays(side, 1300.0, window).seen[:25].all()
+    along = replace(side, seen=np.ones(60, bool))
+    assert leave_out_strays(along, 1300.0, window).seen.all(), "a page that was cut closely"
+
+
+def test_a_small_sheet_that_holds_the_print_is_believed() -> None:
+    corners = np.array([300.0, 400.0]) + 0.4 * (CORNERS - CORNERS.mean(axis=0))
+    photo = draw_sheet(sides_of(corners), SIZE)
+    outline = find_outline(photo, _print_on(corners), 4.0)
+    _, corner = _errors(outline, sides_of(corners), corners)
+    assert corner < 1.0
+    assert outline is not None
+    assert outline.confidence > BELIEVED_CONFIDENCE
 
 
 def test_black_bands_beside_the_photo_are_no_ground() -> None:
