@@ -109,7 +109,7 @@ def find_sheet_of_parts(
 
 
 def _is_plausible(page: SeenPage, camera: OtherCamera, surface: DevelopableSurface, part: SeenPart) -> bool:
-    """Whether `surface`, the sheet before the `camera` of a photo, may be what this shows, and keeps its lines straight."""
+    """Whether `surface`, the sheet before a photo's `camera`, may be what the photo shows, its lines straight."""
     if not _is_believable(camera.focal, page.focal_prior):
         return False
     if implausibility(surface, page.evidence.characters) is not None:
