@@ -1,5 +1,6 @@
 """The sheet of paper around the text: its brightness, hue and outline."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -31,6 +32,27 @@ class PaperParameters:
     """Of the text, a part of a divided sheet holds at least this share."""
     text_share: float = 0.96
     """Least share of the text that the sheet must contain; else its outline is rejected."""
+
+
+SHEET_SHARE = 0.12
+"""Of the text, a sheet beside another one holds at least this share."""
+SOLID = 0.9
+"""Least area of a sheet over that of its convex hull: parts of one creased sheet have up to 0.84 on one side."""
+APART = 0.92
+"""Largest area of two sheets over that of their common hull. A dark fold leaves more, two sheets side by side 0.76."""
+GROUND = 0.1
+"""Largest share of the strip between two sheets that is like their paper."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sheet:
+    """One of several sheets in a photo: which of N characters lie on it, and a part of the photo that shows it whole.
+
+    `window` is (left, top, right, bottom) in photo pixels: it ends half-way to the other sheets.
+    """
+
+    holds: NDArray[np.bool_]
+    window: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +114,57 @@ class Paper:
             return None
         return from_resized(hull[:, 0, :].astype(np.float64), self.factor)
 
+    def sheets(self, text_points: Points) -> list[Sheet]:
+        """The sheets that lie side by side, the one with most of the `text_points` (N, 2), photo pixels, first.
+
+        Between two of them lies the ground that is also round them: a picture that divides a page is unlike that. Empty
+        where all paper with text may be one sheet.
+        """
+        p = PaperParameters()
+        alike, labels, kernel = self._parts(p)
+        at = self._pixels(text_points)
+        counts = np.bincount(labels[at][labels[at] > 0], minlength=1)
+        most = [
+            k
+            for k in np.argsort(-counts, kind="stable")
+            if counts[k] >= max(SHEET_SHARE * len(text_points), 1)
+        ]
+        if len(most) < 2:
+            return []
+        parts = [_filled_hull(labels == k) for k in most]
+        solid = [hull for hull, solidity in parts if solidity >= SOLID]
+        hulls = [
+            hull
+            for k, hull in enumerate(solid)
+            if all(self._is_between(hull, each, alike) for each in solid[:k])
+        ]
+        if len(hulls) < 2:
+            return []
+        sheets = []
+        for own in hulls:
+            others = [hull for hull in hulls if hull is not own]
+            reach = cv2.dilate(own.astype(np.uint8), kernel).astype(bool) & ~np.any(others, axis=0)
+            low, high = from_resized(_window(own, others).reshape(2, 2) - 0.5, self.factor)
+            sheets.append(Sheet(np.asarray(reach[at]), (*low.tolist(), *high.tolist())))
+        return sheets
+
+    def _is_between(self, a: Mask, b: Mask, alike: Mask) -> bool:
+        """Whether two sheets (filled convex hulls) lie apart, with the ground between them that is round them too."""
+        p = PaperParameters()
+        if (a & b).any():
+            return False
+        both, _ = _filled_hull(a | b)
+        strip = both & ~a & ~b
+        round_both = cv2.dilate(both.astype(np.uint8), np.ones((9, 9), np.uint8)).astype(bool) & ~both
+        if (a.sum() + b.sum()) > APART * both.sum() or not strip.any() or not round_both.any():
+            return False
+        if alike[strip].mean() > GROUND:
+            return False
+        return all(
+            abs(float(np.median(values[strip])) - float(np.median(values[round_both]))) < limit
+            for values, limit in ((self.contrast, p.contrast), (self.chroma, p.chroma))
+        )
+
     def _parts(self, p: PaperParameters) -> tuple[Mask, NDArray[np.int32], NDArray[np.uint8]]:
         """What is like the paper, its parts without narrow bridges (labels, 0 for none), and the kernel of that."""
         alike = (np.abs(self.near_contrast) < p.contrast) & (self.chroma < p.chroma)
@@ -111,6 +184,33 @@ class Paper:
         body = cv2.dilate((labels == label).astype(np.uint8), kernel).astype(bool)
         mask = np.asarray(body & alike)
         return mask if (found == label).mean() >= p.text_share and mask.mean() < 0.97 else None
+
+
+def _window(own: Mask, others: Sequence[Mask]) -> NDArray[np.float64]:
+    """The part (left, top, right, bottom) of a mask's image that ends half-way to each of the others."""
+    window = np.array([0, 0, *own.shape[::-1]], np.float64)
+    low, high = _ends(own)
+    for other in others:
+        first, last = _ends(other)
+        gaps = np.concatenate([low - last, first - high])  # to what lies left, above, right, below
+        side = int(np.argmax(gaps))
+        ends = (low, high)[side // 2][side % 2], (last, first)[side // 2][side % 2]
+        window[side] = (max if side < 2 else min)(window[side], sum(ends) / 2)
+    return window
+
+
+def _ends(mask: Mask) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Left and top, right and bottom of what a mask holds."""
+    at = np.argwhere(mask)[:, ::-1]
+    return at.min(axis=0).astype(np.float64), at.max(axis=0) + 1.0
+
+
+def _filled_hull(mask: Mask) -> tuple[Mask, float]:
+    """The convex hull of a mask, filled, and the mask's area over the hull's."""
+    points = np.argwhere(mask)[:, ::-1].astype(np.int32)
+    filled = np.zeros(mask.shape, np.uint8)
+    cv2.fillConvexPoly(filled, cv2.convexHull(points), 1)
+    return filled.astype(bool), float(mask.sum()) / max(int(filled.sum()), 1)
 
 
 def model_paper(

@@ -1,6 +1,7 @@
 """The tables of a result as a person has corrected them, by the cells that he labelled on the page.
 
-A cell takes the place of what was found in it. Another zone that was drawn there takes it away: a sum is no item.
+A cell takes the place of what was found in it. Another zone that was drawn there takes it away: a sum is no item. So
+does another label of the zone that the table lies in, and this zone left out with nothing drawn in its place.
 """
 
 from collections.abc import Sequence, Set
@@ -55,20 +56,41 @@ def correct_tables(
         (*correction.items, *(label for table in (*tables, *(again or ())) for label in table["columns"]))
     )
     cells = [zone for zone in zones if zone["label"] in columns]
-    taking = [zone for zone in zones if zone["label"] not in columns and not _is_found(zone, found["zones"])]
+    # Of another class labels are not compared: its model has given those that the person has not.
+    taking = [
+        zone
+        for zone in zones
+        if zone["label"] not in columns and not _is_as_found(zone, found["zones"], any_label=not is_found)
+    ]
     if again and not _hold(tables, cells) and _hold(again, cells):
         tables = again
     changed = [_Table.of(table) for table in tables]
     for zone in taking:
-        _take_away(changed, zone)
+        _take_away(changed, zone["box"], is_row=zone["label"] is None)
+    for box in _left_out(found["zones"], zones):
+        _take_away(changed, box)
     for cell in sorted(cells, key=lambda each: each["box"][1]):
         _put(changed, cell, correction)
     shown = [_shown(each, correction) for each in changed]
     return [table for table in shown if table["rows"]], columns
 
 
-def _is_found(zone: LabelledZoneJson, found: Sequence[LabelledZoneJson]) -> bool:
-    return any(are_one_place(zone["box"], each["box"]) for each in found)
+def _is_as_found(zone: LabelledZoneJson, found: Sequence[LabelledZoneJson], *, any_label: bool) -> bool:
+    """Whether a zone is one that was found, and but for `any_label` with no label that it did not have then."""
+    return any(
+        are_one_place(zone["box"], each["box"]) and (any_label or zone["label"] in (None, each["label"]))
+        for each in found
+    )
+
+
+def _left_out(found: Sequence[LabelledZoneJson], zones: Sequence[LabelledZoneJson]) -> list[Box]:
+    """The boxes of the found zones in whose place a person has drawn nothing."""
+    drawn = [zone["box"] for zone in zones]
+    return [
+        each["box"]
+        for each in found
+        if not any(holds_middle(each["box"], box) or holds_middle(box, each["box"]) for box in drawn)
+    ]
 
 
 def _hold(tables: Sequence[TableJson], cells: Sequence[LabelledZoneJson]) -> bool:
@@ -80,15 +102,15 @@ def _hold(tables: Sequence[TableJson], cells: Sequence[LabelledZoneJson]) -> boo
     )  # fmt: skip
 
 
-def _take_away(tables: Sequence[_Table], zone: LabelledZoneJson) -> None:
-    """Remove the cells in a zone with another label; a zone without a label takes those of one row."""
+def _take_away(tables: Sequence[_Table], box: Box, *, is_row: bool = False) -> None:
+    """Remove the cells in a box; with `is_row` only where they are of one row."""
     inside = [
-        (row, [label for label, cell in row.items() if holds_middle(zone["box"], cell["box"])])
+        (row, [label for label, cell in row.items() if holds_middle(box, cell["box"])])
         for table in tables
         for row in table.rows
     ]
     inside = [(row, labels) for row, labels in inside if labels]
-    if zone["label"] is None and len(inside) != 1:
+    if is_row and len(inside) != 1:
         return
     for row, labels in inside:
         for label in labels:

@@ -58,6 +58,10 @@ from services.sheet.shape import PageShape
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
 )
+OTHER_SHEET = Notice(
+    "facing-page",
+    "another sheet lies beside this one and was left out; ask for pages=both, or send region, a polygon round it.",
+)
 STAGE_BEGINS = {
     "text": 0.0,
     "texture_flow": 0.2,
@@ -199,7 +203,7 @@ def find_page(
     Raises
     ------
     NoText
-        When neither text nor a sheet's edges nor straight print shows the page's shape.
+        When neither text nor a sheet's edges nor straight print shows the page's shape, or a region has no text.
     """
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = requested_prior(view, parameters, exif_focal_length_px)
@@ -209,9 +213,12 @@ def find_page(
         )
     search = _Search(photo, view, prior, parameters, is_document, effort, clock)
     try:
-        return search.page_by_text()
+        page = search.page_by_text()
+        return replace(page, notices=(*page.notices, OTHER_SHEET)) if search.other_sheet else page
     except NoText as refusal:
-        if needs_text:
+        if (
+            needs_text or parameters.region is not None
+        ):  # a region is one of text, and the sheet beside it is not asked
             raise
         return search.page_without_text(refusal)
     finally:
@@ -233,6 +240,7 @@ class _Search:
     outlines: OutlineSearch = field(init=False)
     outline: SheetOutline | None = None
     sought: bool = False
+    other_sheet: bool = False
 
     def __post_init__(self) -> None:
         self.halves = Halves(self.photo)
@@ -250,6 +258,7 @@ class _Search:
         if self.effort.is_brief:
             with self.clock.stage("text"):
                 text = find_text(self.halves, region, self.effort.analysis)
+            self.other_sheet = text.window is not None
             if region is None:
                 self.seek_outline(text)
             page = self._page_between_sides(text)
@@ -263,6 +272,7 @@ class _Search:
             begin = self.outlines.begin if region is None else None
             analysis = analyse_photo(self.halves, region, clock=self.clock, on_text=begin)
             release_freed_memory()
+            self.other_sheet = analysis.window is not None
             if region is None and not analysis.facing_page:
                 self.seek_outline(analysis)
             beside = text_beside(analysis, self.outline)

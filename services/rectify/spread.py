@@ -10,10 +10,12 @@ from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.reduction import Halves
 from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.progress import progress_within
 from services.rectify.analysis.focal_length import requested_prior
+from services.rectify.analysis.outline_search import OutlineSearch
 from services.rectify.analysis.page_analysis import analyse_spread
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import STAGE_BEGINS, flatten_page, rectify, shape_page
@@ -84,7 +86,7 @@ def rectify_spread(
 def _shape_pages(
     photo: RgbImage, parameters: RectifyParameters, exif_focal_length_px: float | None, clock: StageClock
 ) -> list[ShapedPage]:
-    """The main page and the facing one, or one of them if text does not show both."""
+    """The main page and the facing one, or none if text does not show both. Two sheets have outlines of their own."""
     view = PhotoFrame(photo.shape[1], photo.shape[0])
     prior = requested_prior(view, parameters, exif_focal_length_px)
     try:
@@ -92,6 +94,14 @@ def _shape_pages(
         if len(analyses) < 2:
             return []
         pages: list[ShapedPage] = []
+        if analyses[0].window is not None:
+            outlines = OutlineSearch(Halves.of(photo), view, prior)
+            for analysis in analyses:
+                with clock.stage("outline"):
+                    outline = outlines.find(analysis)
+                kind = parameters.kind
+                pages.append(shape_page(analysis, view, prior, kind, clock, outline, read=outlines.read))
+            return pages
         for analysis in analyses:
             pages.append(shape_page(analysis, view, prior, parameters.kind, clock))
             prior = shared_prior(pages[-1], prior)

@@ -1,6 +1,6 @@
 """The text in one photo, found on a reduced copy in even light, and the paper under it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -62,12 +62,16 @@ def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int],
     return mask.astype(bool)
 
 
+Window = tuple[float, float, float, float]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundText:
     """The gray photo, its flat-fielded copy reduced by `factor`, its `text` in that frame, the paper under the text.
 
     `printed` is all that looks like characters, on paper or not; `light` the brightness of the bare page on a smaller
-    copy of the photo.
+    copy of the photo. Where sheets lie side by side, text and print are those of the one that has most, `beside` is the
+    text of the next one, and `windows` are the parts of the photo that show each, as `Sheet.window`.
     """
 
     gray: GrayImage
@@ -77,6 +81,13 @@ class FoundText:
     text: IdentifiedText
     printed: TextComponents
     paper: Paper
+    beside: IdentifiedText | None = None
+    windows: tuple[Window, ...] = ()
+
+    @property
+    def window(self) -> Window | None:
+        """The part of the photo that shows the sheet and no other one; None where no other one is seen."""
+        return self.windows[0] if self.windows else None
 
     @property
     def characters(self) -> Points:
@@ -125,4 +136,12 @@ def find_text(
             "needed. Photograph the page closer, sharper or in better light"
             + (", or give a larger region." if region is not None else ".")
         )
-    return FoundText(gray, factor, reduced, light, text, printed, paper)
+    sheets = paper.sheets(characters_in_photo(text, factor))
+    if len(sheets) < 2 or sheets[0].holds.sum() < FEWEST_CHARACTERS:
+        return FoundText(gray, factor, reduced, light, text, printed, paper)
+    share = text.rejected_fraction  # most of what is left out is text
+    main, beside = (
+        replace(keep_characters(text, each.holds), rejected_fraction=share) for each in sheets[:2]
+    )
+    windows = tuple(each.window for each in sheets[:2])
+    return FoundText(gray, factor, reduced, light, main, main.components, paper, beside, windows)

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from services.arrays import Points
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.reduction import Halves
@@ -44,15 +43,15 @@ class OutlineSearch:
         """The outline of the sheet on which the text is that was `seen`; None where no sheet's edge is seen."""
         if seen is None:
             self.end()
-            return self._seek(None, None)
-        characters, height_px = seen.characters, seen.text_height_px
+            return self._seek(None)
         if self._begun is not None:
             before, step = self._begun
-            if before.text_height_px == height_px and np.array_equal(before.characters, characters):
+            is_same = before.text_height_px == seen.text_height_px and before.window == seen.window
+            if is_same and np.array_equal(before.characters, seen.characters):
                 self._read = step.result()
                 return self._read[0]
             self.end()
-        return self._seek(characters, height_px)
+        return self._seek(seen)
 
     def read(self, outline: SheetOutline | None) -> SheetSides | None:
         """The sides of `outline`, as `read_sides` of the whole photo reads them."""
@@ -66,9 +65,17 @@ class OutlineSearch:
             self._begun[1].end()
             self._begun = None
 
-    def _seek(self, characters: Points | None, height_px: float | None) -> SheetOutline | None:
-        return find_outline(self._photo, characters, height_px, self._parameters)
+    def _seek(self, seen: FoundText | PageAnalysis | None) -> SheetOutline | None:
+        if seen is None:
+            return find_outline(self._photo, None, None, self._parameters)
+        characters, height_px = seen.characters, seen.text_height_px
+        if seen.window is None:
+            return find_outline(self._photo, characters, height_px, self._parameters)
+        x0, y0, x1, y1 = (max(round(v), 0) for v in seen.window)
+        part = self._photo.image[y0:y1, x0:x1]
+        outline = find_outline(part, characters - (x0, y0), height_px, self._parameters)
+        return None if outline is None else outline.moved(x0, y0)
 
     def _seek_and_read(self, seen: FoundText) -> _Seen:
-        outline = self._seek(seen.characters, seen.text_height_px)
+        outline = self._seek(seen)
         return outline, read_sides(outline, self._view, self._prior)

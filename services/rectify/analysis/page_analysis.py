@@ -21,6 +21,7 @@ from services.rectify.analysis.found_text import (
     STROKE_TEXT_HEIGHT_PX,
     AnalysisParameters,
     FoundText,
+    Window,
     characters_in_photo,
     find_text,
 )
@@ -76,6 +77,8 @@ class PageAnalysis:
     """As `reduced`, of the photo itself where that is a negative: print that is no text may be dark in it."""
     gutter: Points | None = None
     """Line (N, 2) beyond which only a facing page lies, if one was seen; photo pixels, from end to end of the photo."""
+    window: Window | None = None
+    """Where text of another sheet was left out: the part of the photo that shows this one, as `Sheet.window`."""
 
     @property
     def facing_page(self) -> bool:
@@ -226,7 +229,7 @@ def _analyse_dark_print(
                 _to_photo(major.samples, factor),
                 None if minor is None else _part_to_photo(minor.samples, strokes),
                 seen.paper,
-                is_spread=is_spread,
+                is_spread=is_spread and seen.beside is None,
             )
             # Most of what was left out is text, so the share of other ink is not computed again.
             if is_spread and found.facing.sum() >= FEWEST_CHARACTERS:
@@ -245,6 +248,11 @@ def _analyse_dark_print(
             flows = _measure_flows(seen, facing, p)
         if len(flows[0].samples) >= MIN_FLOW_SAMPLES:
             pages.append(_analysis_of(seen, facing, flows, found))
+    if is_spread and facing is None and seen.beside is not None:
+        with clock.stage("texture_flow"):
+            flows = _measure_flows(seen, seen.beside, p)
+        if len(flows[0].samples) >= MIN_FLOW_SAMPLES:
+            pages.append(replace(_analysis_of(seen, seen.beside, flows, None), window=seen.windows[1]))
     return tuple(pages)
 
 
@@ -309,6 +317,7 @@ def _analysis_of(
         None if minor is None else _part_to_photo(minor.samples, strokes),
         None if minor is None else move_field(resize_field(minor.field, 1 / strokes.factor), strokes.origin),
         gutter=gutter,
+        window=seen.window,
     )
 
 

@@ -1,6 +1,6 @@
 """Results of the search for a sheet's boundary in a photo."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -52,6 +52,13 @@ class SheetOutline:
     sides: tuple[SheetSide, SheetSide, SheetSide, SheetSide]
     confidence: float
     polygon: Points
+
+    def moved(self, x: float, y: float) -> "SheetOutline":
+        """The outline of a part of the photo that begins at (x, y), in pixels of the photo."""
+        by = np.array([x, y])
+        top, right, bottom, left = (replace(side, points=side.points + by) for side in self.sides)
+        sides = (top, right, bottom, left)
+        return replace(self, corners=self.corners + by, sides=sides, polygon=self.polygon + by)
 
     @property
     def seen_sides(self) -> list[SheetSide]:

@@ -31,6 +31,8 @@ ROUNDS = 8
 """Of reweighted least squares."""
 BEND_TERMS = 5
 """Of each polynomial of a bend: a page of a book bends within a tenth of its width."""
+BEND_UNKNOWNS = 2 + 2 * BEND_TERMS
+"""With a level of each line. Fewer points are fitted too well to show their own noise, or a turn."""
 BEND_DEVIATION = 0.02
 """Standard deviation of their coefficients before anything is seen, in halves of the photo's width."""
 FEWEST_POINTS = 8
@@ -92,6 +94,8 @@ def measure_departure(
     if used.sum() < FEWEST_POINTS:
         return Departure(skew_rad, None, crossing, None)
     turn, along, bend = _line_departure(lines.points[used] @ axes, lines.index[used], lines.deviations[used])
+    if used.sum() - len(np.unique(lines.index[used])) <= BEND_UNKNOWNS:
+        return Departure(skew_rad, along.scaled(reach), crossing, None)
     bend = bend.scaled(_narrowness(characters @ axes))
     return Departure(skew_rad + turn, along.scaled(reach), crossing, bend)
 
@@ -150,8 +154,8 @@ def _line_departure(
     (turn, along), covariance = _fit(from_line(straight), level, weights)
     perspective = Measured(float(along), float(np.sqrt(covariance[1, 1])))
     found, covariance = _fit(from_line(np.column_stack([straight, bent])), level, weights, prior=2)
-    # What an affine map leaves of the bend where lines are. Its noise is taken away.
-    rest = _without_affine(bent, at)
+    # What straight lines leave of the bend where lines are. Its noise is taken away.
+    rest = _beyond_straight(bent, at)
     noise = float(np.sqrt(np.mean(np.einsum("ni,ij,nj->n", rest, covariance[2:, 2:], rest))))
     size = float(np.sqrt(np.mean((rest @ found[2:]) ** 2)))
     # Halves of the width become shares of it.
@@ -167,10 +171,13 @@ def _bends(at: Points) -> Floats:
     return np.column_stack([along, along * y[:, None]])
 
 
-def _without_affine(values: Floats, at: Points) -> Floats:
-    """`values` (N, P) less what an affine function of the places (N, 2) explains."""
-    affine = np.column_stack([np.ones(len(at)), at])
-    return np.asarray(values - affine @ np.linalg.lstsq(affine, values, rcond=None)[0])
+def _beyond_straight(values: Floats, at: Points) -> Floats:
+    """`values` (N, P) less what an affine map and a perspective explain at the places (N, 2).
+
+    Where lines take a part of the width, curves are nearly straight there: a convergence may undo them.
+    """
+    straight = np.column_stack([np.ones(len(at)), at, at.prod(axis=1)])
+    return np.asarray(values - straight @ np.linalg.lstsq(straight, values, rcond=None)[0])
 
 
 def _convergence(at: Points, samples: FlowSamples, mean_rad: float, across: int) -> Measured:

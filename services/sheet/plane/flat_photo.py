@@ -24,8 +24,9 @@ class PhotoAsPage:
     """The photo as the flat page, turned by `turn_rad` at most; see `PageShape`.
 
     `box` (left, top, right, bottom) is the part of the photo, in whole pixels, that the sheet fills; None where the
-    sheet's ground does not reach to the photo's frame. With `keeps_size` the view has the size of the box though it is
-    turned: a page of a PDF keeps its size. `focal` is not seen.
+    sheet's ground does not reach to the photo's frame: then a view goes to the paper's end, or to the photo's if that
+    is not seen. With `keeps_size` the view has the size of the box though it is turned: a page of a PDF keeps its size.
+    `focal` is not seen.
     """
 
     turn_rad: float
@@ -71,14 +72,14 @@ class PhotoAsPage:
     ) -> FlatFrame:
         """See `PageShape`."""
         turn = self.H_centred_plane
-        if self.box is None or crop == "text":
+        if crop == "text" or (self.box is None and paper is not None):
             framing = TEXT_FRAMING if crop == "text" else None
             H_photo_plane = view.H_photo_centred @ turn
             return frame_page(
                 H_photo_plane, (view.height, view.width), points, text_height_px, paper, framing
             )
         whole = (0, 0, view.width - 1, view.height - 1)
-        left, top, right, bottom = whole if crop == "photo" else self.box
+        left, top, right, bottom = whole if crop == "photo" or self.box is None else self.box
         corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], np.float64)
         middle = corners.mean(axis=0)
         reach = np.abs(transform_points(turn.T, corners - middle)).max(axis=0)

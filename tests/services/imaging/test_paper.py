@@ -219,3 +219,43 @@ def test_the_hull_of_a_sheet_that_a_picture_divides() -> None:
 def test_there_is_no_hull_where_paper_fills_the_photo() -> None:
     photo = draw_sheet((225, 222, 214))
     assert model_paper(photo, print_points()).hull(print_points()) is None
+
+
+def two_sheets(strip: tuple[int, int, int] | None = None, tilt: int = 0) -> tuple[Rgb, Points]:
+    """Two halves of print on a desk, as two sheets 140 px apart or, with a `strip` of a colour between, as one."""
+    photo = np.full((600, 900, 3), (90, 70, 50), np.uint8)
+    points = []
+    for x0, lean in ((100, 0), (520, tilt)):
+        corners = np.array([[x0, 90 + lean], [x0 + 280, 90], [x0 + 280, 510], [x0, 510 + lean]])
+        cv2.fillConvexPoly(photo, corners, (225, 222, 214))
+        for y in range(150, 470, 24):
+            points += [(float(x), float(y)) for x in range(x0 + 30, x0 + 250, 12)]
+    if strip is not None:
+        photo[90:510, 380:520] = strip
+    for x, y in points:
+        cv2.rectangle(photo, (int(x) - 3, int(y) - 4), (int(x) + 3, int(y) + 4), (40, 40, 40), 2)
+    return photo, np.array(points)
+
+
+@pytest.mark.parametrize("tilt", [0, 40])
+def test_sheets_side_by_side_are_told_apart(tilt: int) -> None:
+    photo, points = two_sheets(tilt=tilt)
+    points = np.vstack([points, points[:40] + 1.0])  # the left one has more
+    first, second = model_paper(photo, points).sheets(points)
+    left = points[:, 0] < 450
+    assert np.array_equal(first.holds, left)
+    assert np.array_equal(second.holds, ~left)
+    assert first.window == pytest.approx((0, 0, 450, 600), abs=12)
+    assert second.window == pytest.approx((450, 0, 900, 600), abs=12)
+
+
+@pytest.mark.parametrize(
+    "strip", [(20, 60, 160), (225, 222, 214), (180, 178, 170)], ids=["picture", "paper", "gray"]
+)
+def test_a_page_that_a_picture_divides_is_one_sheet(strip: tuple[int, int, int]) -> None:
+    photo, points = two_sheets(strip)
+    assert model_paper(photo, points).sheets(points) == []
+
+
+def test_a_sheet_alone_has_no_other() -> None:
+    assert model_paper(draw_sheet((60, 50, 40)), print_points()).sheets(print_points()) == []

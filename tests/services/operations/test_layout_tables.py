@@ -8,6 +8,7 @@ from typing import Any, cast
 import pytest
 
 from services.contract.answers.tables import ItemTable, TableChecks, tables_of_document
+from services.contract.boxes import holds_middle
 from services.contract.fields import FieldSetting
 from services.contract.layout import LayoutSettings, ModelDocument
 from services.contract.layout_learning import Adaptation, Correction, RevisedPage, VerifiedPage
@@ -19,6 +20,7 @@ from services.layout.recognition.page_recognition import VersionedModel
 from services.layout.recognition.results import ClassMatch, Recognition
 from services.layout.tables.print_rows import em_of, page_words, printed_rows, segments_of
 from services.operations.corrected_result import correct_result
+from services.operations.corrected_tables import correct_tables
 from services.operations.layout_again import recognize_again
 from services.operations.layout_learning import adapt_models, revise_page, train_model
 from services.operations.layout_models import import_model, initialize_from_samples
@@ -265,6 +267,24 @@ def test_another_zone_takes_a_row_away(document: dict[str, Any]) -> None:
     for label in ("note", None):
         result, _, _ = corrected(page, stored(document), [{"box": hull, "label": label, "kind": "text"}])
         assert len(shown_texts(result)) == len(page.rows) - 1
+
+
+@pytest.mark.parametrize("left", ["left out", "body", "with a cell", "as found"])
+def test_a_table_goes_with_its_zone(document: dict[str, Any], left: str) -> None:
+    """The zone that it lies in gets another label, or is left out with nothing drawn there."""
+    [page] = made(ALDER, 20)
+    kept = found_page(page)
+    found: Any = {**recognize_again(kept, [stored(document)], SETTINGS, words=False), "width": 1240}
+    [table] = found["tables"]
+    outside = [zone for zone in found["zones"] if not holds_middle(table["box"], zone["box"])]
+    whole = {**found["zones"][0], "id": "table", "label": None, "box": table["box"]}
+    found["zones"] = [*outside, whole]
+    cell = {**whole, "id": "c", "label": "amount", "text": "9.99", "box": list(page.rows[0]["amount"].box)}  # type: ignore[index]
+    given = {"left out": [], "body": [{**whole, "label": "body"}], "with a cell": [cell], "as found": [whole]}
+    said = Correction("invoice", {}, frozenset(), TYPES, None, 0.01, ITEMS)
+    tables, _ = correct_tables(found, [*outside, *given[left]], said)
+    rows = [len(each["rows"]) for each in tables]
+    assert rows == ([] if left in ("left out", "body") else [len(page.rows)])
 
 
 @pytest.mark.parametrize(

@@ -215,6 +215,12 @@ def test_a_region_guides(photo: SimulatedPhoto, result: RectifyResult) -> None:
     assert 0.2 < guided.evidence.text_area_fraction / result.evidence.text_area_fraction < 0.8
 
 
+def test_a_region_without_text_is_refused(photo: SimulatedPhoto) -> None:
+    corner = ((0.0, 0.0), (12.0, 0.0), (12.0, 12.0))
+    with pytest.raises(NoText, match="larger region"):
+        rectify(photo.image, replace(AS_IT_LIES, region=corner))
+
+
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -10,6 +10,7 @@ import pytest
 from services.contract.rectify import RectifyParameters
 from services.notices import Notice
 from services.rectify.analysis.page_analysis import analyse_spread
+from services.rectify.pipeline import rectify
 from services.rectify.spread import RectifiedPages, reading_order, rectify_spread, turn_like, turn_result
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
@@ -147,3 +148,31 @@ def test_a_page_that_could_not_be_read_is_turned_like_the_other_one(turns: int) 
     assert found.warnings == ()
     # Nobody knows better: it stays.
     assert turn_like(unread, [left, unread]) is unread
+
+
+@cache
+def letters_side_by_side() -> np.ndarray:
+    """Two flat pages on a desk, the right one turned by six degrees."""
+    photo = np.full((1000, 1500, 3), (92, 70, 52), np.uint8)
+    for page, turn, left in zip(own_pages(480, 680)[:2], (0.0, 6.0), (130, 860), strict=True):
+        place = cv2.getRotationMatrix2D((240, 340), turn, 1.0)
+        place[:, 2] += (left, 150)
+        image = cv2.cvtColor(page.image, cv2.COLOR_GRAY2RGB) if page.image.ndim == 2 else page.image
+        drawn = cv2.warpAffine(image, place, (1500, 1000), flags=cv2.INTER_AREA)
+        shown = cv2.warpAffine(np.full(image.shape[:2], 255, np.uint8), place, (1500, 1000))
+        photo[shown > 127] = drawn[shown > 127]
+    return photo
+
+
+def test_of_sheets_side_by_side_one_is_flattened_and_the_other_named() -> None:
+    result = rectify(letters_side_by_side(), replace(BOTH, pages="main"))
+    assert "facing-page" in [notice.code for notice in result.warnings]
+    assert result.kind == "planar"
+    assert result.image.shape[1] / result.image.shape[0] == pytest.approx(480 / 680, rel=0.02)
+
+
+def test_sheets_side_by_side_are_both_given() -> None:
+    found = rectify_spread(letters_side_by_side(), BOTH)
+    assert found.warnings == ()
+    aspects = [page.image.shape[1] / page.image.shape[0] for page in found.pages]
+    assert aspects == pytest.approx([480 / 680] * 2, rel=0.02)

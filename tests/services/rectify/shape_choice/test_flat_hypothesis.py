@@ -176,6 +176,48 @@ def test_slanted_labels_do_not_turn_a_page() -> None:
     np.testing.assert_array_equal(result.image, chart)
 
 
+def assert_whole(result: RectifyResult, photo: RgbImage) -> None:
+    """The view shows the `photo`, unturned, up to its borders; small print may be enlarged."""
+    rows, columns = np.array(photo.shape[:2]) - 1
+    corners = result.mesh[[0, 0, -1, -1], [0, -1, 0, -1]]
+    np.testing.assert_allclose(corners, [[0, 0], [columns, 0], [0, rows], [columns, rows]], atol=0.5)
+
+
+def stamped(size: int, turn_deg: float) -> RgbImage:
+    scan = np.full((1100, 800, 3), 250, np.uint8)
+    for k in range(6):
+        write(
+            scan, "Thank you for your order, the goods come on Friday"[: 50 - 3 * k], (80, 100 + 32 * k), 20
+        )
+    word = np.full((300, 600, 3), 255, np.uint8)
+    write(word, "RECEIVED, 12 March", (60, 10), 24, turn_deg)
+    grown = cv2.resize(word, None, fx=size / 24, fy=size / 24, interpolation=cv2.INTER_AREA)[:680, :720]
+    scan[400 : 400 + len(grown), 60 : 60 + grown.shape[1]] = np.minimum(
+        scan[400 : 400 + len(grown), 60 : 60 + grown.shape[1]], grown
+    )
+    return scan
+
+
+@pytest.mark.parametrize(("size", "turn_deg"), [(60, 6.0), (60, 25.0)])
+def test_a_stamp_aslant_does_not_bend_a_scan(size: int, turn_deg: float) -> None:
+    scan = stamped(size, turn_deg)
+    result = answer(scan)
+    assert (result.evidence.source, result.warnings) == (("photo",), ())
+    assert_whole(result, scan)
+
+
+def test_a_window_whose_right_half_is_empty_is_shown_whole() -> None:
+    window = np.full((600, 1000, 3), 30, np.uint8)
+    for k in range(9):
+        label = np.full((40, 420, 3), 255, np.uint8)
+        write(label, "a line of code, and a comment"[k:], (5, 0), 22)
+        rows = slice(70 + 50 * k, 110 + 50 * k)
+        window[rows, 20:440] = np.maximum(window[rows, 20:440], 255 - label)
+    result = answer(window)
+    assert result.evidence.source == ("photo",)
+    assert_whole(result, window)
+
+
 def test_a_picture_on_a_page_of_a_pdf_is_not_its_sheet() -> None:
     page = np.full((1170, 830, 3), 255, np.uint8)
     page[120:820, 60:760] = 40

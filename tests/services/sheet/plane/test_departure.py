@@ -102,6 +102,38 @@ def test_noise_is_no_bend() -> None:
     assert found.by_bend.value < 2 * found.by_bend.deviation
 
 
+def test_noise_of_lines_in_a_part_of_the_width_is_no_bend() -> None:
+    rng = np.random.default_rng(1)
+    at = np.stack(np.meshgrid(np.linspace(-0.75, 0.35, 9), np.linspace(-1.1, 0.3, 30)), axis=-1).reshape(
+        -1, 2
+    )
+    seen = at + np.column_stack([np.zeros(len(at)), rng.normal(0, 0.001, len(at))])
+    lines = LineObservations(
+        turned(seen, 0.0), np.repeat(np.arange(30), 9), np.full(270, 1e-3), [], [], [], 0.02
+    )
+    found = measure_departure(lines, None, turned(at, 0.0), VIEW, 0.0, 30.0).by_bend
+    assert found is not None
+    # Curves are nearly straight there: what a convergence undoes is none.
+    assert found.value + found.deviation < 0.0003
+
+
+def test_few_points_show_neither_a_bend_nor_a_turn() -> None:
+    """Of three short lines the bases are level, and capitals lift one end of each top."""
+    level, lifted = np.array([-0.5, -0.5]), np.array([-0.57, -0.59])
+    y = np.concatenate([row + k for k in (0.0, 0.1, 0.2) for row in (level, lifted[:: -1 if k else 1])])
+    lines = LineObservations(
+        turned(np.column_stack([np.tile([-0.7, -0.3], 6), y]), 0.0),
+        np.repeat(np.arange(6), 2),
+        np.full(12, 1e-3),
+        [],
+        [],
+        [],
+        0.02,
+    )
+    found = measure(lines)
+    assert (found.by_bend, found.skew_rad) == (None, 0.0)
+
+
 def test_deviations_are_those_of_the_noise() -> None:
     pulls = []
     for noise in (0.002, 0.004):
