@@ -141,7 +141,7 @@ def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
     paper, printed = _paper_of_page(page, cells.seen, p)
-    edges = np.zeros((0, 3))
+    edges: Floats = np.zeros((0, 3))
     if not cells.are_pages:
         edges = _find_edges(PageCells(cells.seen, cells.paper & paper, cells.views), p)
     if printed:
