@@ -29,6 +29,8 @@ _BLOB_HEIGHTS = 2.0
 """Glare and shadow are larger than this; smaller bright and dark parts are paper and ink."""
 _OVEREXPOSED = 0.5
 """If a larger share of the page is at the highest level, the whole photo is bright, and it is no glare."""
+_SHOWS_PRINT = 0.5
+"""Of the page's usual density of characters, with which a white part hides none."""
 _AREA_SIDE_PX = 800
 """Long side of the image on which glare and shadow are measured."""
 
@@ -38,6 +40,9 @@ SHARP_PX = 0.7
 """Blur of a sharp photo; less is not measured."""
 UNEVEN = 1.6
 """A third that is more blurred than the sharpest by this factor is out of focus."""
+
+
+Bits = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,9 +198,24 @@ def _measure_light(gray: GrayImage, characters: Points, height_px: float) -> tup
     bright = np.asarray((small >= _GLARE_LEVEL) & (page > 0), np.uint8)
     glare = 0.0
     if bright.sum() < _OVEREXPOSED * area:
-        glare = float(cv2.morphologyEx(bright, cv2.MORPH_OPEN, kernel).sum()) / area
+        blobs = np.asarray(cv2.morphologyEx(bright, cv2.MORPH_OPEN, kernel), np.uint8)
+        glare = float(_without_print(blobs, kernel, characters * factor, len(characters) / area).sum()) / area
     dark = np.asarray((small <= _SHADOW_LEVEL) & (page > 0), np.uint8)
     return glare, float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area
+
+
+def _without_print(blobs: Bits, kernel: Bits, characters: Points, usual: float) -> Bits:
+    """Those of the bright `blobs` (H, W) that hide print: a white part that shows it is paper, or a screen's.
+
+    Of `characters` (N, 2) `usual` lie on a pixel of the page.
+    """
+    count, labels = cv2.connectedComponents(blobs)
+    at = np.clip(np.round(characters).astype(int), 0, np.array(blobs.shape[::-1]) - 1)
+    # The largest number of a blob next to each character, which itself is dark.
+    near = cv2.dilate(labels.astype(np.float32), kernel)[at[:, 1], at[:, 0]].astype(int)
+    shown = np.bincount(near, minlength=count) / np.maximum(np.bincount(labels.ravel(), minlength=count), 1)
+    shown[0] = usual
+    return np.asarray((shown < _SHOWS_PRINT * usual)[labels], np.uint8)
 
 
 def _blurred_side(shape: tuple[int, ...], at: Points, blurs: Vector) -> str | None:

@@ -89,12 +89,23 @@ def test_glare_and_shadow_are_large_parts_without_detail() -> None:
     image[150:350, 150:350] = 255
     image[400:500, 100:500] = 3
     area = np.ptp(centres[:, 0]) * np.ptp(centres[:, 1])
-    quality = measured(image, centres)
+    quality = measured(image, centres[image[centres[:, 1].astype(int), centres[:, 0].astype(int)] == 20])
     assert quality.glare_fraction == pytest.approx(200 * 200 / area, rel=0.15)
     assert quality.shadow_fraction == pytest.approx(100 * 400 / area, rel=0.15)
     # White paper in a bright photo is no glare.
     bright = np.full((600, 600), 255, np.uint8)
     assert measured(bright, characters_on(bright)).glare_fraction == 0.0
+
+
+def test_a_white_part_with_print_is_no_glare() -> None:
+    """Of a screenshot: white panels on a gray ground, and on one of them nothing is printed."""
+    image = np.full((600, 600), 225, np.uint8)
+    image[40:560, 40:220] = 255
+    centres = characters_on(image)
+    assert measured(image, centres).glare_fraction == 0.0
+    image[40:560, 340:420] = 255
+    left = centres[(centres[:, 0] < 340) | (centres[:, 0] > 420)]
+    assert measured(image, left).glare_fraction == pytest.approx(80 / 490, rel=0.2)
 
 
 def test_the_blurred_third_is_named() -> None:
