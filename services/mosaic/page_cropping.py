@@ -19,6 +19,7 @@ from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.view.outside_text import is_outside_text, of_text_height
+from services.sheet.plane.flat_photo import PhotoAsPage
 from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
 
 
@@ -80,11 +81,13 @@ class PageCells:
     """Reduced maps (h, w) of the mosaic: where photos show it, and where most of them show the sheet.
 
     `views` are (h, w, 3), one for each photo: its background colours without print, black where it shows nothing.
+    Where `are_pages`, each photo is the page itself, as a scan or a screenshot is: its view ends where its paper does.
     """
 
     seen: Mask
     paper: Mask
     views: tuple[RgbImage, ...] = ()
+    are_pages: bool = False
 
 
 def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCells:
@@ -109,7 +112,10 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
         votes[1, shown[on_sheet]] += 2
     seen = (votes[0] > 0).reshape(rows, columns)
     paper = np.asarray(seen & (votes[1] >= votes[0]).reshape(rows, columns))
-    return PageCells(seen, paper, tuple(views))
+    are_pages = all(
+        photo.flat.page is not None and isinstance(photo.flat.page.shape, PhotoAsPage) for photo in placed
+    )
+    return PageCells(seen, paper, tuple(views), are_pages)
 
 
 def _in_photo(photo: PlacedPhoto, columns: int, rows: int, across: float, down: float) -> Points:
@@ -135,7 +141,9 @@ def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
     paper, printed = _paper_of_page(page, cells.seen, p)
-    edges = _find_edges(PageCells(cells.seen, cells.paper & paper, cells.views), p)
+    edges: Floats = np.zeros((0, 3))
+    if not cells.are_pages:
+        edges = _find_edges(PageCells(cells.seen, cells.paper & paper, cells.views), p)
     if printed:
         dark, light = (centres @ edges[:, :2].T + edges[:, 2] < 0 for centres in printed)
         counts = zip(dark.sum(axis=0).tolist(), light.sum(axis=0).tolist(), strict=True)

@@ -34,6 +34,7 @@ from services.mosaic.evidence import (
 )
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import flatten_photo, take_as_flat
+from services.mosaic.joined_page import AS_JOINED, flatten_joined
 from services.mosaic.light.hidden_parts import HiddenPart
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
@@ -104,22 +105,30 @@ def mosaic(
         with clock.stage("composition"):
             text_height_px = typical_text_height_px(part)
             composed = compose_page(placed, part.width, part.height, parameters.composition, text_height_px)
+        # Where no photo shows the page's shape, all of them together may.
+        alone_shapeless = parameters.rectify and all(photo.flat.page is None for photo in placed)
+        whole = flatten_joined(composed.image, clock) if alone_shapeless else None
         with clock.stage("framing"):
             crop = find_page_crop(composed.image, see_sheet(placed, part.width, part.height))
-            page = crop_page(composed.image, crop)
-        sharpness, corner = composed.sharpness, (crop.left, crop.top)
+            page = crop_page(composed.image, crop) if whole is None else whole.image
+        H_page_mosaic = (
+            translation(-crop.left, -crop.top) if whole is None else np.linalg.inv(whole.H_joined_page)
+        )
+        sharpness = composed.sharpness
         covered, notices = describe_covers(placed, glare, crop)
+        if alone_shapeless:
+            notices += [AS_JOINED] if whole is None else whole.notices
     else:
         page, placed = joined.image, joined.placed
         text_height_px, disagreements = typical_text_height_px(part), []
-        sharpness, corner = (1.0,) * len(placed), (0, 0)
+        sharpness, H_page_mosaic = (1.0,) * len(placed), np.eye(3)
         covered, notices = (0.0,) * len(placed), []
     orientation, notice = Orientation(parameters.rotate or 0, False, None), None
     if parameters.upright and parameters.rotate is None:
         with clock.stage("orientation"):
             orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
     turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)
-    H_final_mosaic = np.linalg.inv(turn) @ translation(-corner[0], -corner[1])
+    H_final_mosaic = np.linalg.inv(turn) @ H_page_mosaic
     patches = describe_patches(len(photos), placed, sharpness, covered, H_final_mosaic, part.joint)
     unplaced = tuple(index for index, patch in enumerate(patches) if not patch.placed)
     notices = [

@@ -92,7 +92,7 @@ class HiddenCells:
     """What something hides: of each view, cells (h, w) that another view shows; of the canvas, those that none shows.
 
     `shown` are the cells (rows, columns) of the canvas that any view covers, `clipped` those of them that are white in
-    all of these, with a steep rim: glare.
+    all of these, brighter than the page's paper, with a steep rim: glare.
     """
 
     of_views: tuple[Mask, ...]
@@ -110,17 +110,19 @@ def find_hidden_cells(views: Sequence[CanvasView], gains: Sequence[FloatImage]) 
     measured = [_measure_cells(view, gain) for view, gain in zip(views, gains, strict=True)]
     places = [_cells_of(view) for view in views]
     rows, columns = (max(place[axis].stop for place in places) for axis in (0, 1))
+    paper = _fit_paper(measured, places, (rows, columns))
     count, legible = np.zeros((2, rows, columns), np.uint8)
     clipped = np.zeros((rows, columns), bool)
     for at, cells in zip(places, measured, strict=True):
         count[at] += cells.known
         legible[at] += cells.known & ~cells.clipped
-        clipped[at] |= _with_steep_rim(cells.known & cells.clipped, cells)
+        # White paper is clipped as well, and ends at print and pictures with a steep rim.
+        brighter = (cells.levels - paper[at]).mean(axis=2) > LEAST_DEVIATION / 2
+        clipped[at] |= _with_steep_rim(cells.known & cells.clipped & brighter, cells)
     clipped &= legible == 0
     shared = count > 1
     if not shared.any():
         return HiddenCells(tuple(np.zeros(cells.known.shape, bool) for cells in measured), count > 0, clipped)
-    paper = _fit_paper(measured, places, (rows, columns))
     lost, away = _compare(measured, places, shared, paper)
     of_views = (
         _without_specks(lost[k] | _with_steep_rim(away[k], cells)) for k, cells in enumerate(measured)
@@ -195,7 +197,8 @@ def _measure_cells(view: CanvasView, gain: FloatImage) -> CellMeasures:
 def _fit_paper(
     measured: Sequence[CellMeasures], places: Sequence[tuple[slice, slice]], shape: tuple[int, int]
 ) -> FloatImage:
-    """Levels (rows, columns, 3) of bare paper: a quadratic surface, fitted robustly to cells with print."""
+    """Levels (rows, columns, 3) of bare paper: a quadratic surface, fitted robustly to cells with print; 0 if no view
+    shows a cell."""
     y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in shape), indexing="ij")
     surface = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
     used = [cells.known & (cells.darkness > LEAST_PRINT) for cells in measured]
@@ -203,6 +206,8 @@ def _fit_paper(
         used = [cells.known for cells in measured]
     A = np.concatenate([surface[at][each] for at, each in zip(places, used, strict=True)])
     b = np.concatenate([cells.levels[each] for cells, each in zip(measured, used, strict=True)])
+    if not len(A):
+        return np.zeros((*shape, 3), np.float32)
     step = max(len(A) // MOST_CELLS, 1)
     A, b = A[::step], b[::step].astype(np.float64)
     left = b - np.median(b, axis=0)

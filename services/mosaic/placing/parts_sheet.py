@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import Mask, Points, Vector
-from services.geometry.focal_prior import MEASURED
+from services.geometry.focal_prior import FOCAL, MEASURED, FocalPrior
 from services.geometry.homographies import scaling, transform_points
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.placing.joint_sheet import (
@@ -78,8 +78,9 @@ def find_sheet_of_parts(
 ) -> JointSheet | None:
     """The smooth bent sheet that all `photos` show parts of, if it explains more than their own surfaces do.
 
-    None where no photo shows a bent sheet, where a photo shows no page, and where correspondences that were held out,
-    or the lines of text, speak for the views that were flattened one by one, with these `placements`.
+    None where no photo shows a bent sheet, where a photo shows no page, where a camera is not believable, and where
+    correspondences that were held out, or the lines of text, speak for the views that were flattened one by one, with
+    these `placements`.
     """
     order = list(photos)
     pages = [photo.page for photo in photos.values() if photo.page is not None]
@@ -102,14 +103,30 @@ def find_sheet_of_parts(
     # Homographies of single views are fitted to all correspondences, those that are held out here too.
     if not left <= min(MOST_LEFT, max(LEFT_BY_MATCHING, measure_apart(photos, pairs, placements))):
         return None
-    for page, camera, part in zip(pages, sheet.cameras, seen, strict=True):
-        surface, lines = sheet.surface(camera), part.observed.lines
-        own = measure_straightness(page.shape.page_map, lines)
-        if implausibility(surface, page.evidence.characters) is not None:
-            return None
-        if measure_straightness(surface, lines) > max(STRAIGHT, NO_WORSE * own):
-            return None
+    if not all(map(_is_plausible, pages, sheet.cameras, map(sheet.surface, sheet.cameras), seen)):
+        return None
     return _describe(sheet, parts, order, left)
+
+
+def _is_plausible(page: SeenPage, camera: OtherCamera, surface: DevelopableSurface, part: SeenPart) -> bool:
+    """Whether `surface`, the sheet before a photo's `camera`, may be what the photo shows, its lines straight."""
+    if not _is_believable(camera.focal, page.focal_prior):
+        return False
+    if implausibility(surface, page.evidence.characters) is not None:
+        return False
+    lines = part.observed.lines
+    own = measure_straightness(page.shape.page_map, lines)
+    return measure_straightness(surface, lines) <= max(STRAIGHT, NO_WORSE * own)
+
+
+def _is_believable(focal: float, prior: FocalPrior) -> bool:
+    """Whether a camera may have this focal length.
+
+    Where photos show a sheet in parts, a longer lens before a sheet that leans more away from it leaves all points and
+    lines nearly as they are, and a stretched page.
+    """
+    most = FOCAL.exif_contradiction if prior.source in MEASURED else FOCAL.believable
+    return abs(float(np.log(focal)) - prior.log_focal) <= most * prior.deviation
 
 
 def _frame(photo: FlatPhoto) -> CurvedFrame:

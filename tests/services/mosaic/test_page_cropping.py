@@ -1,11 +1,18 @@
 """The sheet on the whole mosaic."""
 
+from dataclasses import replace
+from typing import cast
+
 import cv2
 import numpy as np
 import pytest
 
+from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.homographies import translation
+from services.mosaic.flat_photo import SeenPage
 from services.mosaic.page_cropping import PageCells, crop_page, find_page_crop, see_sheet
+from services.sheet.evidence import PageEvidence
+from services.sheet.plane.flat_photo import PhotoAsPage
 from tests.services.mosaic.cuttings import place
 from tests.services.mosaic.views import page_image
 
@@ -96,6 +103,26 @@ def test_a_coloured_head_with_print_on_it_is_not_cut_off(ink: float) -> None:
     paper[: round(620 * seen.shape[0] / 1560)] = False
     crop = find_page_crop(page.astype(np.uint8), PageCells(seen, paper))
     assert (crop.left, crop.top, crop.right, crop.bottom) == (0, 0, 1000, 1560)
+
+
+@pytest.mark.parametrize("are_pages", [False, True])
+def test_a_coloured_head_with_little_print_is_cut_off_unless_the_photos_are_the_page(are_pages: bool) -> None:
+    page = page_image()
+    page[:80] = (90, 92, 8)
+    seen = seen_all(page).seen
+    paper = seen.copy()
+    paper[: round(80 * seen.shape[0] / 1560)] = False
+    crop = find_page_crop(page, PageCells(seen, paper, are_pages=are_pages))
+    assert (crop.top < 70, len(crop.edges)) == ((True, 0) if are_pages else (False, 1))
+
+
+def test_photos_are_the_page_only_where_each_was_taken_for_it() -> None:
+    placed = [place(page_image()[:900], translation(0, 0)), place(page_image()[700:], translation(0, 700), 1)]
+    evidence, prior = cast(PageEvidence, None), typical_focal_prior()
+    page = SeenPage(PhotoAsPage(0.0, 1.3, None), evidence, prior)
+    known = [replace(photo, flat=replace(photo.flat, page=page)) for photo in placed]
+    assert see_sheet(known, 1000, 1560).are_pages
+    assert not see_sheet([known[0], placed[1]], 1000, 1560).are_pages
 
 
 @pytest.mark.parametrize("desk_in_photo", [True, False])

@@ -108,8 +108,24 @@ def test_glare_in_all_photos_is_told_and_hidden_in_none(page: FloatImage) -> Non
     assert not find_hidden_cells(overexposed, [np.ones_like(page)] * 2).clipped.any()
 
 
+def test_white_paper_inside_a_dark_frame_is_no_glare(page: FloatImage) -> None:
+    """A scan's paper is as white as glare, and a frame of print or a picture is a steep rim around it."""
+    white = np.minimum(page * 1.6, 255)
+    white[80:240, 100:300] = 90
+    white[110:210, 130:270] = 255
+    cells = find_hidden_cells([view(white, seed) for seed in range(2)], [np.ones_like(page)] * 2)
+    assert not cells.clipped.any()
+
+
 def test_one_photo_hides_nothing(page: FloatImage) -> None:
     assert [each.any() for each in found(glare(page, disc(200, 150, 45, 8)))] == [False]
+
+
+def test_views_too_narrow_for_a_cell_hide_nothing(page: FloatImage) -> None:
+    strip = page[:, : 2 * CELL_PX]
+    cells = find_hidden_cells([view(strip), view(strip, 1)], [np.ones_like(strip)] * 2)
+    assert not cells.clipped.any()
+    assert not any(each.any() for each in cells.of_views)
 
 
 def test_a_view_without_its_hidden_cells_ends_there(page: FloatImage) -> None:

@@ -84,6 +84,14 @@ def pair_of(
     return photos, PairRegistration(0, 1, H_a_b, matched[0], matched[1], weights, 900, 300, 9, 1.0)
 
 
+def with_prior(flat: FlatPhoto, off: float) -> FlatPhoto:
+    """The photo with a focal length before it is seen that is `off` from the true one, in its deviations."""
+    assert flat.page is not None
+    prior = flat.page.focal_prior
+    moved = replace(prior, log_focal=prior.log_focal - off * prior.deviation)
+    return replace(flat, page=replace(flat.page, focal_prior=moved))
+
+
 def sheet_of(
     true: Sequence[SharedSheet], taken: Sequence[SharedSheet]
 ) -> tuple[JointSheet | None, dict[int, FlatPhoto], dict[int, Placement]]:
@@ -138,6 +146,18 @@ def test_a_page_that_was_bent_between_the_photos_is_not_one_sheet() -> None:
     true = shared_sheet()
     found, _, _ = sheet_of((true, other), (true, other))
     assert found is None
+
+
+def test_a_sheet_before_a_lens_that_nobody_has_is_not_believed() -> None:
+    """A long lens and a leaning sheet leave points and lines nearly as they are, and a stretched page."""
+    true = shared_sheet()
+    photos, pair = pair_of((true, true), (true, true))
+    placements = {0: Placement(np.eye(3)), 1: Placement(pair.H_a_b)}
+    found = []
+    for off in (2.0, 5.0):
+        known = {k: with_prior(photo, off) for k, photo in photos.items()}
+        found.append(find_sheet_of_parts(known, (pair,), placements) is not None)
+    assert found == [True, False]
 
 
 def test_photos_without_a_bend_stay_as_they_are() -> None:
