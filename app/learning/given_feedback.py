@@ -12,7 +12,7 @@ from app.state import AppState
 from models.feedback_records import GivenJson
 from models.records import RECOGNIZED, recognized
 from services.contract.answers.learning import GivenText, Verdict, WrongLabel
-from services.contract.boxes import area, common_area
+from services.contract.boxes import common_area, lie_on_each_other
 from services.contract.layout_learning import Adaptation, VerifiedPage
 from services.contract.page_json import GivenZoneJson, PageJson
 from services.contract.result_json import (
@@ -74,7 +74,7 @@ class GivenFeedback:
             for zone in self.recognized["result"]["zones"]
             if zone["label"] is not None
             and zone["id"] not in kept
-            and not any(_lies_under(zone["box"], box) for box in places)
+            and not any(lie_on_each_other(zone["box"], box) for box in places)
         ]
 
     @property
@@ -149,15 +149,9 @@ def _with_found_labels(verified: VerifiedPage[PageJson], before: RecognizedJson)
 
 def _label_under(box: Sequence[float], zones: Sequence[LabelledZoneJson]) -> str | None:
     """The label of the zone that has most of a box in common with it, at least half of the smaller one."""
-    under = [zone for zone in zones if _lies_under(zone["box"], box)]
+    under = [zone for zone in zones if lie_on_each_other(zone["box"], box)]
     nearest = max(under, key=lambda zone: common_area(box, zone["box"]), default=None)
     return None if nearest is None else nearest["label"]
-
-
-def _lies_under(found: Sequence[float], drawn: Sequence[float]) -> bool:
-    """Whether two boxes have at least half of the smaller one in common."""
-    common = common_area(found, drawn)
-    return common > 0.0 and 2 * common >= min(area(found), area(drawn))
 
 
 def _zones_with_texts(document: StoredResultJson, body: FeedbackBody) -> list[GivenZoneJson]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from services.arrays import Floats, GrayImage, Points, Vector
+from services.arrays import Floats, GrayImage, Mask, Points, Vector
 from services.capture.letter_size import measure_letter_rows, text_axes
 from services.capture.print_patches import choose_windows, measure_patches
 from services.capture.stroke_detail import measure_strokes
@@ -40,9 +40,6 @@ SHARP_PX = 0.7
 """Blur of a sharp photo; less is not measured."""
 UNEVEN = 1.6
 """A third that is more blurred than the sharpest by this factor is out of focus."""
-
-
-Bits = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +201,7 @@ def _measure_light(gray: GrayImage, characters: Points, height_px: float) -> tup
     return glare, float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area
 
 
-def _without_print(blobs: Bits, kernel: Bits, characters: Points, usual: float) -> Bits:
+def _without_print(blobs: GrayImage, kernel: GrayImage, characters: Points, usual: float) -> Mask:
     """Those of the bright `blobs` (H, W) that hide print: a white part that shows it is paper, or a screen's.
 
     Of `characters` (N, 2) `usual` lie on a pixel of the page.
@@ -215,7 +212,7 @@ def _without_print(blobs: Bits, kernel: Bits, characters: Points, usual: float) 
     near = cv2.dilate(labels.astype(np.float32), kernel)[at[:, 1], at[:, 0]].astype(int)
     shown = np.bincount(near, minlength=count) / np.maximum(np.bincount(labels.ravel(), minlength=count), 1)
     shown[0] = usual
-    return np.asarray((shown < _SHOWS_PRINT * usual)[labels], np.uint8)
+    return np.asarray((shown < _SHOWS_PRINT * usual)[labels])
 
 
 def _blurred_side(shape: tuple[int, ...], at: Points, blurs: Vector) -> str | None:

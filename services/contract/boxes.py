@@ -24,6 +24,12 @@ def are_one_place(one: Sides, other: Sides) -> bool:
     return max(abs(a - b) for a, b in zip(one, other, strict=True)) <= SAME_PX
 
 
+def lie_on_each_other(one: Sides, other: Sides) -> bool:
+    """Whether two boxes have at least half of the smaller one in common: a zone, and what is drawn in its place."""
+    common = common_area(one, other)
+    return common > 0.0 and 2 * common >= min(area(one), area(other))
+
+
 def common_height(one: Sides, other: Sides) -> float:
     """Rows of both as a share of the lower one's; negative where they have none."""
     common = min(one[3], other[3]) - max(one[1], other[1])

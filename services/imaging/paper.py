@@ -44,15 +44,19 @@ GROUND = 0.1
 """Largest share of the strip between two sheets that is like their paper."""
 
 
+Window = tuple[float, float, float, float]
+"""A part (left, top, right, bottom) of a photo, in its pixels."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Sheet:
     """One of several sheets in a photo: which of N characters lie on it, and a part of the photo that shows it whole.
 
-    `window` is (left, top, right, bottom) in photo pixels: it ends half-way to the other sheets.
+    `window` ends half-way to the other sheets.
     """
 
     holds: NDArray[np.bool_]
-    window: tuple[float, float, float, float]
+    window: Window
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, field
 from typing import cast
 
-from services.contract.boxes import are_one_place, common_height, holds_middle
+from services.contract.boxes import are_one_place, common_height, holds_middle, lie_on_each_other
 from services.contract.fields import FieldSetting
 from services.contract.layout_learning import Correction
 from services.contract.result_json import CellJson, FoundCellJson, LabelledZoneJson, ResultJson, TableJson
@@ -86,11 +86,7 @@ def _is_as_found(zone: LabelledZoneJson, found: Sequence[LabelledZoneJson], *, a
 def _left_out(found: Sequence[LabelledZoneJson], zones: Sequence[LabelledZoneJson]) -> list[Box]:
     """The boxes of the found zones in whose place a person has drawn nothing."""
     drawn = [zone["box"] for zone in zones]
-    return [
-        each["box"]
-        for each in found
-        if not any(holds_middle(each["box"], box) or holds_middle(box, each["box"]) for box in drawn)
-    ]
+    return [each["box"] for each in found if not any(lie_on_each_other(each["box"], box) for box in drawn)]
 
 
 def _hold(tables: Sequence[TableJson], cells: Sequence[LabelledZoneJson]) -> bool:

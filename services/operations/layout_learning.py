@@ -25,7 +25,7 @@ from services.layout.model.model_document import model_to_document
 from services.layout.page import InvalidLayout, Page, Zone
 from services.layout.tables.learning import TablePage, gathered_samples, learn_table, table_page
 from services.layout.tables.reading import TablePlan, read_tables
-from services.layout.tables.sample_doubts import doubts_of_rows, holds_several_cells
+from services.layout.tables.sample_doubts import cells_of_several, doubts_of_rows
 from services.layout.tables.table_model import TableModel
 from services.operations.layout_models import FOUND, draft_of, read_samples, sample_document
 from services.operations.layout_result import describe_zones
@@ -155,8 +155,8 @@ def _without_cells(
 
 
 def _check_cells(cells: Sequence[Zone], page: TablePage) -> None:
-    for cell in cells:
-        if holds_several_cells(page, cell.box):
+    for cell, of_several in zip(cells, cells_of_several(page), strict=True):
+        if of_several:
             raise InvalidOption(
                 f"labels.{cell.id}: {cell.label} is a column of the table, and the box of this zone holds several "
                 "cells. Send `zones` with a box around each cell; those of one or two rows are enough.",

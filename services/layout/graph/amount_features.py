@@ -9,6 +9,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from services.arrays import Floats
 from services.layout.page import Page
 
 AMOUNT_FEATURES = (
@@ -34,8 +35,6 @@ MOST_AMOUNTS = 60
 _SEARCHED = 4000
 """Characters of a zone that are read."""
 _AMOUNT = re.compile(r"(?<![\d.,])([-−]\s?)?(\d{1,3}(?:[.,' ]?\d{3}){0,3}[.,]\d{2})(?![.,]?\d)")
-
-Floats = NDArray[np.float64]
 
 
 def find_amounts(text: str) -> list[int]:

@@ -15,17 +15,22 @@ _ONE_LINE = 0.5
 """Common height from which on two cells are in one line, as a share of the lower one."""
 
 
-def holds_several_cells(page: TablePage, box: Box) -> bool:
-    """Whether a box that was labelled as one cell holds print of a table: rows of several parts, or of one number each.
+def cells_of_several(page: TablePage) -> list[bool]:
+    """Of each cell of a page whether its box holds print of a table: rows of several parts, or of one number each.
 
     The lines of one cell have one part each, and of its numbers only one stands alone in a line.
     """
     words = page_words(page.printed)
-    rows = printed_rows(word for word in words if holds_middle(box, word.box))
-    parts = [segments_of(row, em_of(words)) for row in rows]
-    parted = sum(len(row) > 1 for row in parts)
-    numbers = sum(len(row) == 1 and kind_of(row[0].text) in NUMERIC for row in parts)
-    return max(parted, numbers) > 1
+    em = em_of(words)
+
+    def is_of_several(box: Box) -> bool:
+        rows = printed_rows(word for word in words if holds_middle(box, word.box))
+        parts = [segments_of(row, em) for row in rows]
+        parted = sum(len(row) > 1 for row in parts)
+        numbers = sum(len(row) == 1 and kind_of(row[0].text) in NUMERIC for row in parts)
+        return max(parted, numbers) > 1
+
+    return [is_of_several(box) for _, box in page.cells]
 
 
 def doubts_of_samples(pages: Sequence[TablePage], items: Sequence[str]) -> list[Notice]:
@@ -57,7 +62,9 @@ def doubts_of_samples(pages: Sequence[TablePage], items: Sequence[str]) -> list[
     wide = Counter(
         label
         for page in pages
-        for label in dict.fromkeys(label for label, box in page.cells if holds_several_cells(page, box))
+        for label in dict.fromkeys(
+            label for (label, _), several in zip(page.cells, cells_of_several(page), strict=True) if several
+        )
     )
     found += [
         Notice(

@@ -10,7 +10,7 @@ from services.errors import NoText
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import luminance
 from services.imaging.illumination import divide_by_light, reduced_light
-from services.imaging.paper import Paper, PaperParameters, model_paper
+from services.imaging.paper import Paper, PaperParameters, Window, model_paper
 from services.imaging.reduction import Halves, enlarge_image, reduce_image
 from services.texture_flow.major import MajorFlowParameters
 from services.texture_flow.minor import MinorFlowParameters
@@ -60,9 +60,6 @@ def region_mask(region: tuple[tuple[float, float], ...], shape: tuple[int, int],
     limit = 4.0 * max(shape)
     cv2.fillPoly(mask, [np.round(np.clip(corners, -limit, limit)).astype(np.int32)], 1)
     return mask.astype(bool)
-
-
-Window = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

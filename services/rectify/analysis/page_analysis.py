@@ -13,7 +13,7 @@ from services.geometry.homographies import from_resized
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
 from services.imaging.illumination import divide_by_light, reduced_light
-from services.imaging.paper import Paper
+from services.imaging.paper import Paper, Window
 from services.imaging.photo_part import PhotoPart, cut_part
 from services.imaging.reduction import Halves, reduce_image
 from services.rectify.analysis.found_text import (
@@ -21,7 +21,6 @@ from services.rectify.analysis.found_text import (
     STROKE_TEXT_HEIGHT_PX,
     AnalysisParameters,
     FoundText,
-    Window,
     characters_in_photo,
     find_text,
 )
