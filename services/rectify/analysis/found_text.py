@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from services.arrays import GrayImage, Mask, Points, RgbImage
+from services.arrays import Floats, GrayImage, Mask, Points, RgbImage
 from services.errors import NoText
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.channels import luminance
@@ -90,6 +90,11 @@ class FoundText:
     def characters(self) -> Points:
         """Centres of the characters (N, 2) in photo pixels."""
         return characters_in_photo(self.text, self.factor)
+
+    @property
+    def boxes(self) -> Floats:
+        """Widths and heights (N, 2) of the characters in photo pixels."""
+        return np.asarray(self.text.components.boxes[:, 2:] / self.factor)
 
     @property
     def text_height_px(self) -> float:

@@ -224,6 +224,7 @@ def _analyse_dark_print(
             found = choose_page(
                 photo,
                 seen.characters,
+                seen.boxes,
                 seen.text_height_px,
                 _to_photo(major.samples, factor),
                 None if minor is None else _part_to_photo(minor.samples, strokes),
@@ -276,7 +277,13 @@ def analyse_briefly(
         return page
     with clock.stage("text"):
         choice = choose_page(
-            photo, found.characters, found.text_height_px, page.major, page.minor, found.paper
+            photo,
+            found.characters,
+            found.boxes,
+            found.text_height_px,
+            page.major,
+            page.minor,
+            found.paper,
         )
         if not choice.facing_page:
             return page

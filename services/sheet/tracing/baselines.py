@@ -82,9 +82,15 @@ class CharacterRows:
 
 def chain_characters(ink: Mask) -> CharacterRows:
     """Characters of `ink` (H, W), chained from left to right into text lines."""
-    stats = label_components(ink).stats[1:]
-    box = stats[:, :4].astype(np.float64)
-    x0, y0, width, height = box.T
+    return chain_boxes(label_components(ink).stats[1:, :4].astype(np.float64))
+
+
+def chain_boxes(boxes: Floats) -> CharacterRows:
+    """Characters of `boxes` (N, 4), left, top, width and height in pixels, chained from left to right into lines.
+
+    Those much smaller or larger than most are left out.
+    """
+    x0, y0, width, height = boxes.T
     unit = float(np.median(height[height > 3])) if (height > 3).any() else 0.0
     usable = (height > 0.5 * unit) & (height < 4 * unit) & (width < 40 * unit)
     if unit == 0.0 or usable.sum() < MIN_CHARACTERS:

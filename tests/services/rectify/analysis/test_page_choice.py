@@ -12,6 +12,7 @@ from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.analysis.page_choice import PageChoice, choose_page
 from services.rectify.effort import BRIEF
 from services.rectify.pipeline import rectify
+from services.texture_flow.field import FlowSamples
 from simulation.degradation import PHONE, degrade, desk_texture
 from simulation.flat_page import Page
 from simulation.pages import own_pages
@@ -72,7 +73,8 @@ def first_of(image: Rgb, shape: tuple[int, ...]) -> Rgb:
 def choice_of(shot: Shot) -> PageChoice:
     """What is chosen of the characters that the analysis kept."""
     a = shot.analysis
-    return choose_page(shot.photo.image, a.characters, a.text_height_px, a.major, a.minor, a.paper)
+    boxes = a.text.components.boxes[:, 2:] / a.factor
+    return choose_page(shot.photo.image, a.characters, boxes, a.text_height_px, a.major, a.minor, a.paper)
 
 
 LEANING = (View("left", 2500.0, 26.0, 180.0, 0.5), View("right", 2500.0, 26.0, 0.0, 1.0))
@@ -197,7 +199,28 @@ def test_grain_of_a_desk_that_looks_like_print_is_left_out(album: Album) -> None
     stray = beside[beside[:, 0] < np.percentile(a.characters[:, 0], 1)][:40]
     assert len(stray) > 0.006 * len(a.characters)
     everything = np.concatenate([a.characters, stray])
-    choice = choose_page(shot.photo.image, everything, a.text_height_px, a.major, a.minor, a.paper)
+    boxes = np.full(everything.shape, a.text_height_px)
+    choice = choose_page(shot.photo.image, everything, boxes, a.text_height_px, a.major, a.minor, a.paper)
     assert not choice.facing_page
     assert choice.kept[: len(a.characters)].all()
     assert choice.kept[len(a.characters) :].mean() < 0.3
+
+
+def test_grain_beside_a_receipt_is_no_facing_page(album: Album) -> None:
+    # A quarter of what looks like print: strokes along the grain, upright, on one side of the sheet.
+    shot = album["plain"]
+    a, mask = shot.analysis, shot.truth.page_mask()
+    far = cv2.distanceTransform(np.asarray(~mask, np.uint8), cv2.DIST_L2, 5) > 2 * a.text_height_px
+    left, top, bottom = (int(np.percentile(a.characters[:, k], p)) for k, p in ((0, 1), (1, 5), (1, 95)))
+    beside = np.argwhere(far[top:bottom, :left])[:, ::-1] + (0.0, top)
+    stray = np.random.default_rng(1).permutation(beside)[: len(a.characters) // 3]
+    everything = np.concatenate([a.characters, stray])
+    boxes = np.concatenate([a.text.components.boxes[:, 2:] / a.factor, np.full(stray.shape, [3.0, 12.0])])
+    along = (np.full(len(stray), np.pi / 2), np.ones(len(stray)))
+    flow = zip((a.major.points, a.major.angles, a.major.weights), (stray, *along), strict=True)
+    major = FlowSamples(*map(np.concatenate, flow))
+    choice = choose_page(shot.photo.image, everything, boxes, a.text_height_px, major, a.minor, a.paper)
+    assert len(stray) > 0.2 * len(a.characters)
+    assert not choice.facing_page
+    assert choice.kept[: len(a.characters)].all()
+    assert choice.kept[len(a.characters) :].mean() < 0.1
