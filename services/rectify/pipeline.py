@@ -298,7 +298,8 @@ class _Search:
         """The page that its sheet's sides show, or straight print. Raises `NoText`."""
         if self.sought and self.effort.is_brief:
             raise refusal  # its sides show no page, its text shows no direction
-        if not self.sought:
+        # What was refused as text shows no sheet that goes on beyond the photo.
+        if not self.sought or (self.outline is not None and not all(s.seen for s in self.outline.sides)):
             self.seek_outline(None)
         page = self._page_between_sides(None) if self.effort.is_brief else None
         with self.clock.stage("shape"):

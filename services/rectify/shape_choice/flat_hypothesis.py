@@ -24,7 +24,7 @@ from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
 from services.sheet.evidence import PageEvidence
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
 from services.sheet.plane.flat_photo import PhotoAsPage
 from services.sheet.plane.flat_text import flatten_text
@@ -48,8 +48,9 @@ MOST_TURN_RAD = float(np.deg2rad(15.0))
 WHOLE_CONFIDENCE = 0.7
 """... or this one, where all of its sides were seen nearly from end to end, ..."""
 WHOLE_SIDE = 0.9
-"""... by this share: gently bent sheets on a desk have 0.79 to 0.86 and all of them. Of 54 scans and cropped pages
-52 have no outline, and those of two lie along the photo's frame."""
+"""... by this share: gently bent sheets on a desk have 0.79 to 0.86 and all of them. Of 54 scans and cropped pages 52
+have no outline, and those of two lie along the photo's frame. Of a sheet that goes on beyond the photo, whose other
+sides are seen so far, a believed outline is enough."""
 
 
 def may_be_flat(parameters: RectifyParameters) -> bool:
@@ -134,8 +135,10 @@ def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, is_document
     """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame."""
     if outline is None:
         return False
-    is_whole = min(side.seen for side in outline.sides) >= WHOLE_SIDE
-    least = WHOLE_CONFIDENCE if is_whole else SHEET_CONFIDENCE
+    in_view = [side.seen for side in outline.sides if side.seen > 0.0]
+    least = SHEET_CONFIDENCE
+    if min(in_view, default=0.0) >= WHOLE_SIDE:
+        least = WHOLE_CONFIDENCE if len(in_view) == 4 else BELIEVED_CONFIDENCE
     if outline.confidence < least or _hugs_frame(outline, view):
         return False
     if not is_document:

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from services.arrays import Points, RgbImage
 from services.geometry.homographies import from_resized
 from services.imaging.reduction import Halves
+from services.sheet.outline.beyond_photo import follow_to_border
 from services.sheet.outline.candidates import (
     Candidate,
     CandidateParameters,
@@ -76,11 +77,15 @@ class OutlineParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredOutline:
-    """The `outline` near a `candidate`; its four sides, `ended` where they run along the end of the photo."""
+    """The `outline` near a `candidate`; its four sides, `ended` where they run along the end of the photo.
+
+    `goes_on` says that two sides were followed to the photo's border, beyond which the sheet goes on.
+    """
 
     outline: SheetOutline
     candidate: Candidate
     ended: tuple[EdgePoints, ...]
+    goes_on: bool = False
 
     @property
     def confidence(self) -> float:
@@ -137,6 +142,8 @@ def find_outline(
         measured = measure_candidate(
             halves.image, reduced, medium, candidate, p, shows_print=len(on_sheet) > 0
         )
+        if measured is not None and measured.goes_on:
+            measured = _rate_of_view(measured, reduced, on_sheet)
         if measured is not None and measured.confidence >= BELIEVED_CONFIDENCE:
             found.append(cKDTree(resample_closed(candidate.curve, DENSER * len(candidate.curve))))
         if measured is not None and (best is None or measured.confidence > best.confidence):
@@ -145,12 +152,25 @@ def find_outline(
             break
     if best is None:
         return None
-    outline = best.outline
-    if len(on_sheet):
-        # Size and hidden corners tell which of two outlines is the sheet's, not whether one that holds the print is.
-        rating = max(best.candidate.rating, rate_curve(reduced, on_sheet, best.candidate.curve, RATED_SHARE))
-        outline = replace(outline, confidence=rate_outline(best.ended, outline.corners, rating, of_view=True))
+    outline = (_rate_of_view(best, reduced, on_sheet) if len(on_sheet) else best).outline
     return None if outline.confidence < LEAST_CONFIDENCE else end_before_cut_corners(outline)
+
+
+def _rate_of_view(measured: MeasuredOutline, reduced: ReducedPhoto, on_sheet: Points) -> MeasuredOutline:
+    """The outline with a confidence to which size, and what is out of view, say nothing.
+
+    They tell which of two outlines is the sheet's, not whether one that holds the print (N, 2), `on_sheet`, is.
+    """
+    curve, goes_on = measured.candidate.curve, measured.goes_on
+    if goes_on:
+        curve = reduced.from_photo(measured.outline.polygon)
+    rating = rate_curve(reduced, on_sheet, curve, RATED_SHARE, of_view=goes_on)
+    candidate = replace(measured.candidate, rating=max(measured.candidate.rating, rating))
+    confidence = rate_outline(
+        measured.ended, measured.outline.corners, candidate.rating, of_view=True, goes_on=goes_on
+    )
+    outline = replace(measured.outline, confidence=confidence)
+    return replace(measured, outline=outline, candidate=candidate)
 
 
 def _is_same(candidate: Candidate, known: cKDTree) -> bool:
@@ -197,6 +217,10 @@ def measure_candidate(
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)
+    beyond = follow_to_border(photo, measured, diagonal, window) if shows_print else None
+    if beyond is not None:
+        measured, lost = beyond
+        known[[k for side in lost for k in (side, (side + 1) % 4)]] = False
     if shows_print:
         measured = [leave_out_strays(side, diagonal, window) for side in measured]
     located = meet_sides(measured, known)
@@ -209,7 +233,7 @@ def measure_candidate(
     polygon = _inside(np.concatenate(pieces), window)
     confidence = rate_outline(ended, located, candidate.rating)
     outline = SheetOutline(located, (sides[0], sides[1], sides[2], sides[3]), confidence, polygon)
-    return MeasuredOutline(outline, candidate, tuple(ended))
+    return MeasuredOutline(outline, candidate, tuple(ended), beyond is not None)
 
 
 def _inside(points: Points, window: tuple[float, float, float, float]) -> Points:

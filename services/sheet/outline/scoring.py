@@ -12,6 +12,9 @@ from services.sheet.outline.corners import split_sides
 from services.sheet.outline.edges import EdgePoints, outward_normals, resample_closed, smooth_closed
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
+UNSEEN_CORNERS = 0.5
+"""Share of known corners where none is in view."""
+
 
 @dataclass(frozen=True, slots=True)
 class ScoringParameters:
@@ -44,11 +47,18 @@ class ScoringParameters:
     """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
 
-def rate_curve(reduced: ReducedPhoto, characters: Points, curve: Points, least_share: float = 0.0) -> float:
+def rate_curve(
+    reduced: ReducedPhoto,
+    characters: Points,
+    curve: Points,
+    least_share: float = 0.0,
+    *,
+    of_view: bool = False,
+) -> float:
     """Rating of a curve (N, 2) on the reduced photo; curves of one photo are compared by it.
 
     `characters` (N, 2) are the sheet's, on the reduced photo. A curve is rated as if it held `least_share` of the photo
-    at least.
+    at least; what is out of view says nothing if its edge is that `of_view`.
     """
     p = ScoringParameters()
     points = smooth_closed(resample_closed(curve, 200), 3)
@@ -63,7 +73,9 @@ def rate_curve(reduced: ReducedPhoto, characters: Points, curve: Points, least_s
     # The step has a direction in colour space that lasts along an edge; in a texture it changes.
     difference = np.linalg.norm(smooth_closed(inner - outer, p.lasting), axis=1)
     strength = difference**2 / (difference**2 + reduced.contrast**2)
-    rating = float(np.where(shown, strength, p.out_of_view).mean())
+    rating = float(strength[shown].mean()) if of_view and shown.any() else None
+    if rating is None:
+        rating = float(np.where(shown, strength, p.out_of_view).mean())
     corners = split_sides(points, shown)
     misfit = p.most_misfit if corners is None else min(corners.misfit, p.most_misfit)
     rating -= p.misfit * max(misfit - p.crease_misfit, 0.0)
@@ -98,12 +110,18 @@ def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float,
 
 
 def outline_features(
-    sides: Sequence[EdgePoints], located: Points, rating: float, *, of_view: bool = False
+    sides: Sequence[EdgePoints],
+    located: Points,
+    rating: float,
+    *,
+    of_view: bool = False,
+    goes_on: bool = False,
 ) -> Floats:
     """Features (4,) that separate right outlines from wrong ones.
 
     Shares of what is in view on which an edge is seen, on all sides and on the worst one; the share of corners that
-    are known, `of_view` of those in view; the candidate's rating.
+    are known, `of_view` of those in view; the candidate's rating. Of a sheet that `goes_on` beyond the photo at two
+    opposite sides no corner is in view: that is half of the evidence.
     """
     shown = np.concatenate([side.shown for side in sides])
     seen = np.concatenate([side.seen for side in sides])
@@ -113,16 +131,25 @@ def outline_features(
     seen_of_shown = float(seen[shown].mean()) if shown.any() else 0.0
     known = np.isfinite(located[:, 0])
     count = int((known | (in_view & np.roll(in_view, 1))).sum()) if of_view else 4
-    return np.array([seen_of_shown, min(worst, default=0.0), int(known.sum()) / max(count, 1), rating])
+    corners = int(known.sum()) / max(count, 1) if count or not goes_on else UNSEEN_CORNERS
+    return np.array([seen_of_shown, min(worst, default=0.0), corners, rating])
 
 
 def rate_outline(
-    sides: Sequence[EdgePoints], located: Points, rating: float, *, of_view: bool = False
+    sides: Sequence[EdgePoints],
+    located: Points,
+    rating: float,
+    *,
+    of_view: bool = False,
+    goes_on: bool = False,
 ) -> float:
     """Probability, 0-1, that an outline is the sheet's; `rating` is its candidate's.
 
     Of two outlines the better one has more corners. Whether it is right, the corners `of_view` tell.
     """
     p = ScoringParameters()
-    z = float(np.dot(p.evidence, outline_features(sides, located, rating, of_view=of_view))) + p.prior
+    z = (
+        float(np.dot(p.evidence, outline_features(sides, located, rating, of_view=of_view, goes_on=goes_on)))
+        + p.prior
+    )
     return float(1 / (1 + np.exp(-z)))

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.arrays import Points
+from services.arrays import Points, RgbImage
 from services.sheet.outline.candidates import CandidateParameters
 from services.sheet.outline.detection import (
     OutlineParameters,
@@ -115,21 +115,51 @@ def _print_on(corners: Points) -> Points:
     return np.asarray(corners.mean(axis=0) + 0.25 * places * np.ptp(corners, axis=0))
 
 
+def _on_wood(corners: Points) -> RgbImage:
+    """A photo of a sheet with these corners on a desk of wood."""
+    grain = np.random.default_rng(7)
+    wood = cv2.GaussianBlur(grain.normal(0, 60, (SIZE[1], SIZE[0])), (0, 0), sigmaX=9, sigmaY=1.2)
+    photo = draw_sheet(sides_of(corners), SIZE).astype(np.float64)
+    return np.clip(photo + np.where(photo.max(axis=2) < 160, wood, 0)[..., None], 0, 255).astype(np.uint8)
+
+
 @pytest.mark.parametrize("side", range(4))
 def test_a_sheet_that_leaves_the_photo_at_one_side_is_believed_on_a_desk_of_wood(side: int) -> None:
     away = np.array([[0, -330], [300, 0], [0, 330], [-300, 0]])[side]
     corners = CORNERS.mean(axis=0) + 0.8 * (CORNERS - CORNERS.mean(axis=0)) + away
-    grain = np.random.default_rng(7)
-    wood = cv2.GaussianBlur(grain.normal(0, 60, (SIZE[1], SIZE[0])), (0, 0), sigmaX=9, sigmaY=1.2)
-    photo = draw_sheet(sides_of(corners), SIZE).astype(np.float64)
-    photo = np.clip(photo + np.where(photo.max(axis=2) < 160, wood, 0)[..., None], 0, 255).astype(np.uint8)
     inside = np.clip(_print_on(corners), 60, np.array(SIZE) - 60)
-    outline = find_outline(photo, inside, 8.0)
+    outline = find_outline(_on_wood(corners), inside, 8.0)
     assert outline is not None
     assert outline.confidence > BELIEVED_CONFIDENCE
     assert [s.seen < 0.1 for s in outline.sides] == [k == side for k in range(4)]
     end = (0, SIZE[0] - 1, SIZE[1] - 1, 0)[side]
     assert np.sum(outline.polygon[:, (side + 1) % 2] == end) > 50, "the sheet goes on to the photo's border"
+
+
+@pytest.mark.parametrize("line", [0, 20])
+def test_a_receipt_whose_ends_leave_the_photo_is_followed_to_its_border(line: int) -> None:
+    """A thick line of print, from side to side, is no end of it: the long sides go on beyond."""
+    corners = np.array([[180.0, -150.0], [470.0, -150.0], [500.0, 980.0], [160.0, 980.0]])
+    photo = _on_wood(corners)
+    photo[60 : 60 + line, 192:464] = 40
+    outline = find_outline(photo, _print_on(corners), 8.0)
+    assert outline is not None
+    assert outline.confidence > BELIEVED_CONFIDENCE
+    assert [round(side.seen, 1) for side in outline.sides] == [0.0, 1.0, 0.0, 1.0]
+    for side, ends in ((1, corners[[1, 2]]), (3, corners[[3, 0]])):
+        points = outline.sides[side].points
+        assert np.percentile(distances(points, ends), 95) < 1.0
+        assert points[:, 1].min() < 15
+        assert points[:, 1].max() > SIZE[1] - 15
+    assert (outline.polygon[:, 1].min(), outline.polygon[:, 1].max()) == (0, SIZE[1] - 1)
+
+
+def test_a_receipt_that_ends_in_the_photo_ends_there() -> None:
+    corners = np.array([[180.0, -150.0], [470.0, -150.0], [490.0, 700.0], [165.0, 700.0]])
+    outline = find_outline(_on_wood(corners), _print_on(np.clip(corners, 0, 820)), 8.0)
+    assert outline is not None
+    assert [round(side.seen, 1) for side in outline.sides] == [0.0, 1.0, 1.0, 1.0]
+    assert outline.polygon[:, 1].max() < 705
 
 
 def test_letters_that_the_border_cuts_are_no_edge() -> None:
