@@ -21,7 +21,7 @@ GOES_ON = 0.8
 END_SHARE = 0.3
 """Of a side: its end, whose direction it goes on in."""
 FEWEST = 4
-"""Points of a continuation that tell whether its edge is seen; a shorter one says nothing."""
+"""Points of a continuation that tell whether its edge is seen; a shorter one ends beside the border."""
 
 
 def follow_to_border(
@@ -41,7 +41,7 @@ def follow_to_border(
             (k, at_end): _border_beyond(sides[k], window, at_end) for k in pair for at_end in (False, True)
         }
         tried = _follow(photo, sides, ends, diagonal, window)
-        gone = [k for k in between if _goes_on(tried, sides, k, is_lost=seen[k] < LOST)]
+        gone = [k for k in between if _goes_on(tried, sides, k)]
         if not any(seen[k] < LOST for k in gone):
             continue
         if len(gone) < 2:
@@ -74,15 +74,15 @@ def _follow(
     return dict(zip(guides, measured, strict=True))
 
 
-def _goes_on(followed: dict[int, EdgePoints], sides: list[EdgePoints], lost: int, *, is_lost: bool) -> bool:
-    """Whether both neighbours of a side go on beyond it; of one that is not lost, that must be seen for certain."""
-    for k, at_end in (((lost - 1) % 4, True), ((lost + 1) % 4, False)):
+def _goes_on(followed: dict[int, EdgePoints], sides: list[EdgePoints], between: int) -> bool:
+    """Whether both neighbours of a side go on beyond it; so they do where it is beside the border and not clear."""
+    for k, at_end in (((between - 1) % 4, True), ((between + 1) % 4, False)):
         old = sides[k].points[sides[k].seen]
         way = old[-1] - old[0]
         along = (followed[k].points - old[0]) @ way / (way @ way)
         seen = followed[k].seen[along > 1 if at_end else along < 0]
         if len(seen) < FEWEST:
-            if not is_lost:
+            if sides[between].seen.mean() >= FOLLOWED:
                 return False
         elif seen.mean() < GOES_ON:
             return False
