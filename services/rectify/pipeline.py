@@ -239,6 +239,7 @@ class _Search:
     halves: Halves = field(init=False)
     outlines: OutlineSearch = field(init=False)
     outline: SheetOutline | None = None
+    seen: FoundText | PageAnalysis | None = None
     sought: bool = False
     other_sheet: bool = False
 
@@ -250,7 +251,7 @@ class _Search:
         """Look for the outline of the sheet on which the text is that was `seen`."""
         with self.clock.stage("outline"):
             self.outline = self.outlines.find(seen)
-            self.sought = True
+            self.sought, self.seen = True, seen
 
     def page_by_text(self) -> ShapedPage:
         """The page that text shows, and the sides of its sheet. Raises `NoText`."""
@@ -298,9 +299,13 @@ class _Search:
         """The page that its sheet's sides show, or straight print. Raises `NoText`."""
         if self.sought and self.effort.is_brief:
             raise refusal  # its sides show no page, its text shows no direction
-        # What was refused as text shows no sheet that goes on beyond the photo.
-        if not self.sought or (self.outline is not None and not all(s.seen for s in self.outline.sides)):
+        if not self.sought:
             self.seek_outline(None)
+        elif (
+            self.seen is not None and self.outline is not None and not all(s.seen for s in self.outline.sides)
+        ):
+            with self.clock.stage("outline"):
+                self.outline = self.outlines.find_in_view(self.seen)
         page = self._page_between_sides(None) if self.effort.is_brief else None
         with self.clock.stage("shape"):
             if page is None and may_be_flat(self.parameters):

@@ -1,5 +1,7 @@
 """The search for the sheet's outline, beside that for the directions of its text where a processor is spare."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from services.geometry.focal_prior import FocalPrior
@@ -51,6 +53,11 @@ class OutlineSearch:
                 self._read = step.result()
                 return self._read[0]
             self.end()
+        return self._seek(seen)
+
+    def find_in_view(self, seen: FoundText | PageAnalysis) -> SheetOutline | None:
+        """The outline where what was `seen` is no text: a sheet that goes on beyond the photo is shown by print."""
+        self._parameters = replace(self._parameters or OutlineParameters(), follows=False)
         return self._seek(seen)
 
     def read(self, outline: SheetOutline | None) -> SheetSides | None:

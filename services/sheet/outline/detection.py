@@ -66,6 +66,8 @@ class OutlineParameters:
     """Whether curves near the best candidate are searched too: a fifth of the time, for sheets whose parts differ."""
     tried: int = 7
     """Candidates that are measured in the photo, until one is certain: they are better evidence than ratings."""
+    follows: bool = True
+    """Whether sides of a sheet with print are followed to the photo's border: print must show that there is a sheet."""
     well_rated: float = 0.75
     """A candidate with this rating leaves no doubt about where the sheet is."""
     least_rating: float = 0.0
@@ -217,7 +219,8 @@ def measure_candidate(
         chosen = np.array([t.support >= m.support for t, m in zip(tried, measured, strict=True)])
         measured = [t if better else m for t, m, better in zip(tried, measured, chosen, strict=True)]
         known = known | chosen | np.roll(chosen, 1)
-    beyond = follow_to_border(photo, measured, diagonal, window) if shows_print else None
+    follows = shows_print and p.follows
+    beyond = follow_to_border(photo, measured, diagonal, window) if follows else None
     if beyond is not None:
         measured, lost = beyond
         known[[k for side in lost for k in (side, (side + 1) % 4)]] = False
