@@ -44,6 +44,9 @@ MINOR_SHARE = 0.3
 ASPECT_DEVIATION = 0.03
 """Above this the width-to-height ratio is called uncertain."""
 SIDE_DEVIATIONS = 4.0
+PAIR = 2
+"""Sides that show no plane alone. If that of text and sides together has them along its axes, text needs no support by
+the flows."""
 SIDE_RAD = np.deg2rad(1.0)
 """A side of the sheet that is off by more than both disagrees with the text."""
 LEVEL_RAD = np.deg2rad(0.5)
@@ -228,7 +231,7 @@ def choose_pose(
         refined, flat, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
     plane = refined.plane
     gentle = flow_deviation(level, major, minor, MINOR_SHARE)
-    trusted = agree and sheet is not None and sheet.plane is not None
+    trusted = agree and sheet is not None and (sheet.plane is not None or len(sheet.lines) == PAIR)
     if not is_plausible(plane, characters, p):
         plane, trusted = level, False
         notices.append(

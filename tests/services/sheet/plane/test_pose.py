@@ -108,6 +108,22 @@ def test_a_frontal_page_is_only_turned(album: Album) -> None:
     assert residual_percent(album["frontal"], pose) < 0.05
 
 
+def test_two_sides_that_agree_with_the_text_support_its_plane(album: Album) -> None:
+    # A receipt whose ends leave the photo: its long sides show no plane alone.
+    shot = album["frontal"]
+    prior = focal_prior(shot.frame, None, None)
+    outline = outline_of_truth(shot.truth, 0.5, np.random.default_rng(0))
+    top, right, bottom, left = outline.sides
+    unseen = [replace(side, points=side.points[:0], deviations=side.deviations[:0]) for side in (top, bottom)]
+    sides = read_sides(replace(outline, sides=(unseen[0], right, unseen[1], left)), shot.frame, prior)
+    assert sides is not None
+    assert sides.plane is None
+    pose = pose_with(shot, sides)
+    assert pose.sources == ("text", "outline")
+    assert "already-flat" not in [notice.code for notice in pose.notices]
+    assert residual_percent(shot, pose) < 0.1
+
+
 @pytest.mark.parametrize("name", CURVED_SCENES)
 def test_a_curved_page_gets_a_planar_view_that_is_no_worse(album: Album, name: str) -> None:
     shot = album[name]
