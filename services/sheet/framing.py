@@ -23,6 +23,8 @@ class CurvedFramingParameters:
     """Extent if the edge is seen."""
     max_stretch: float = 4.0
     """Enlargement in the margins over that of the text, up or down; parts that are stretched more are left out."""
+    most_unknown: float = 0.1
+    """Share of a border inside of the sheet's edge that the map may not know: the sheet's corners, beyond the text."""
     steps: int = 12
     """Steps in which the view shrinks to the text if the margins are not plausible."""
 
@@ -95,7 +97,8 @@ def frame_curved_page(
             seen[0] = np.maximum(seen[0], sheet[inside].min(axis=0) - rim)
             seen[1] = np.minimum(seen[1], sheet[inside].max(axis=0) + rim)
     box = np.stack([np.minimum(core[0], seen[0]), np.maximum(core[1], seen[1])])
-    box = _believable(page_map, view, core, box, usual, p)
+    most_unknown = 0.0 if paper is None else p.most_unknown
+    box = _believable(page_map, view, core, box, usual, p, most_unknown)
     extent = box[1] - box[0]
     resolution = within_bounds(resolution, (extent[0], extent[1]), view.width * view.height, f)
     width, height = (max(round(v * resolution), 1) for v in extent)
@@ -144,12 +147,18 @@ def _grid(box: Floats, count: int) -> Points:
 
 
 def _believable(
-    page_map: PageMap, view: PhotoFrame, core: Floats, box: Floats, usual: float, p: CurvedFramingParameters
+    page_map: PageMap,
+    view: PhotoFrame,
+    core: Floats,
+    box: Floats,
+    usual: float,
+    p: CurvedFramingParameters,
+    most_unknown: float,
 ) -> Floats:
     """The greatest box between `core` and `box` at whose border the map neither folds nor stretches too much.
 
     Each side shrinks independently to where the map from page to photo keeps its orientation and its scale within
-    `max_stretch` of the text's.
+    `max_stretch` of the text's. It need not know a share of `most_unknown` of the border.
     """
     box = box.copy()
     for side in (0, 1):
@@ -165,7 +174,9 @@ def _believable(
                 du, dv = (seen[1] - seen[0]) / d, (seen[2] - seen[0]) / d
                 det = du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]
                 scale = view.unit_px * np.sqrt(np.maximum(det, 0.0)) / usual
-                if (np.isfinite(det) & (scale > 1 / p.max_stretch) & (scale < p.max_stretch)).all():
+                known = np.isfinite(det)
+                plausible = (scale > 1 / p.max_stretch) & (scale < p.max_stretch)
+                if plausible[known].all() and known.mean() >= 1 - most_unknown:
                     break
             box[side, axis] = at
     return box

@@ -238,3 +238,33 @@ def test_characters_that_the_map_does_not_know_are_left_out(paper: bool) -> None
     assert np.allclose(frames[0].H_page_flat, frames[1].H_page_flat)
     mesh = mesh_of(frames[0])
     assert np.isfinite(mesh).all()
+
+
+@dataclass(frozen=True, slots=True)
+class Cornerless:
+    """A map that knows all of the page but its first corner, above and to the left of `end`."""
+
+    surface: DevelopableSurface
+    end: Points
+
+    def to_photo(self, page: Points) -> Points:
+        unknown = (page < self.end).all(axis=1, keepdims=True)
+        return np.where(unknown, np.nan, self.surface.to_photo(page))
+
+    def to_page(self, centred: Points) -> Points:
+        return self.surface.to_page(centred)
+
+    def jacobians(self, centred: Points) -> Floats:
+        return self.surface.jacobians(centred)
+
+
+@pytest.mark.parametrize(("share", "same"), [(0.02, True), (0.3, False)])
+def test_a_sheet_whose_corner_the_map_does_not_know_keeps_its_margin(share: float, same: bool) -> None:
+    page = SEEN.surface.to_page((SEEN.characters - SEEN.view.centre) / SEEN.view.unit_px)
+    low, high = page.min(axis=0), page.max(axis=0)
+    known = Cornerless(SEEN.surface, np.array([low[0] + share * (high[0] - low[0]), low[1] - 0.01]))
+    outline = SEEN.outline()
+    whole, cut = (
+        frame_curved_page(each, SEEN.view, SEEN.characters, 5.0, outline) for each in (SEEN.surface, known)
+    )
+    assert (cut.height == whole.height) == same

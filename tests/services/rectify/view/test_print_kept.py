@@ -7,13 +7,16 @@ import pytest
 from PIL import Image, ImageDraw, ImageFont
 
 from services.arrays import Floats, Points
+from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.sheet_edges import SheetEdges
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.view import judged_view
 from services.rectify.view.cut_letters import count_cut_letters
-from services.rectify.view.judged_view import judge_view
+from services.rectify.view.judged_view import best_view, judge_view
 from services.rectify.view.print_kept import (
     grow_to_print,
     kept_print,
@@ -21,11 +24,12 @@ from services.rectify.view.print_kept import (
     share_kept,
     sheet_print,
 )
+from services.rectify.view.sheet_cut import crop_frame
 from services.sheet.plane.framing import FlatFrame
 from services.sheet.plane.pose import choose_pose
 from tests.services.rectify.view.test_sheet_cut import LEAN, VIEW
 from tests.services.scenes import Album, Shot
-from tests.services.sheet.sheet_sides import outline_of
+from tests.services.sheet.sheet_sides import outline_of, outline_of_truth
 
 pytestmark = pytest.mark.pipeline
 
@@ -181,3 +185,22 @@ def test_grain_beside_a_certain_sheet_is_no_print(shot: Shot) -> None:
     corners = np.array([[x0, low - 40], [x1, low - 40], [x1, 0.5 * (high + gap)], [x0, 0.5 * (high + gap)]])
     outline = replace(outline_of(corners, 0.3, np.random.default_rng(0)), confidence=0.99)
     assert len(sheet_print(replace(page, outline=outline))) < 0.8 * len(sheet_print(page))
+
+
+def test_a_view_that_ends_within_its_sheet_gives_way_to_the_next_shape(
+    shot: Shot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = replace(flat_page(shot), outline=outline_of_truth(shot.truth, 0.3, np.random.default_rng(0)))
+    other = replace(page, notices=())
+    first = replace(page, others=iter([other]))
+    whole = judged_view.frame_view(shot.photo.image, other, "sheet", sheet_print(other))[0]
+    half = crop_frame(whole, SheetEdges(bottom=0.7 * whole.height))
+    monkeypatch.setattr(
+        judged_view, "frame_view", lambda photo, page, *_: (half if page is first else whole, None)
+    )
+    asked = RectifyParameters()
+    seen = best_view(shot.photo.image, first, asked)
+    assert seen.page is other
+    assert seen.frame is whole
+    assert best_view(shot.photo.image, other, asked).page is other
+    assert best_view(shot.photo.image, replace(page, others=iter([])), asked).frame is whole
