@@ -93,8 +93,8 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
 def _level_values(held: list[list[Part]]) -> None:
     """Move values, in place, to the regions of what they are values of: the line left of them in their row.
 
-    Amounts of a table stand in a column of their own, and are read by rows. A value beside prose is of another column of
-    the page, and a lone one beside others' lines may be; see `_LONGEST_ENTRY`, `_LEAST_ROWS`.
+    Amounts of a table stand in a column of their own, and are read by rows. A value beside prose is of another column
+    of the page, and a lone one beside others' lines may be.
     """
     entries = [
         (index, part)
