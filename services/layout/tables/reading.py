@@ -128,7 +128,10 @@ def _sum_fits(
     if any(abs(amount - total) <= _CENT for amount in below):
         return True
     added = [
-        part for part in below for whole in below if part and whole > part and abs(total + part - whole) <= _CENT
+        part
+        for part in below
+        for whole in below
+        if part and whole > part and abs(total + part - whole) <= _CENT
     ]
     if any(part <= _LARGEST_TAX * total for part in added):
         return True
