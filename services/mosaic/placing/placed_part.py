@@ -15,7 +15,9 @@ from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
 from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
+from services.mosaic.placing.whole_photo import WholePhoto
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.notices import Notice
 from services.sheet.framing import CurvedFrame
 
 
@@ -24,6 +26,7 @@ class PlacedPart:
     """The photos of the page, by index, placed in the pixels of a page of `width` x `height`.
 
     `joint` is the sheet that all of them show, through whose views they are drawn; None where each has its own.
+    `notices` are of the page, not of single photos.
     """
 
     base: int
@@ -33,6 +36,7 @@ class PlacedPart:
     width: int
     height: int
     joint: JointSheet | None = None
+    notices: tuple[Notice, ...] = ()
 
 
 def place_photos(
@@ -72,6 +76,20 @@ def place_photos(
     return replace(placed, placements=placements)
 
 
+def place_parts(
+    whole: WholePhoto,
+    photos: Mapping[int, FlatPhoto],
+    pairs: Sequence[PairRegistration],
+    base: int | None,
+) -> PlacedPart:
+    """The parts of one photo on its page; `photos` are their own views, which the `pairs` match."""
+    members = whole.photos
+    within = tuple(pair for pair in pairs if pair.a in members)
+    within = _match_again(within, photos, members, whole.H_page_flat)
+    chosen = max(members, key=lambda index: members[index].weight) if base is None else base
+    return replace(_place(chosen, members, whole.H_page_flat, within), notices=whole.notices)
+
+
 def _place(
     base: int,
     photos: Mapping[int, FlatPhoto],
@@ -95,6 +113,16 @@ def _lay_on_sheet(
         frame = laid[index].frame
         assert isinstance(frame, CurvedFrame)
         H_world_flat[index] = joint.H_world_page[index] @ frame.H_page_flat
+    return laid, H_world_flat, _match_again(pairs, photos, laid, H_world_flat)
+
+
+def _match_again(
+    pairs: Sequence[PairRegistration],
+    photos: Mapping[int, FlatPhoto],
+    laid: Mapping[int, FlatPhoto],
+    H_world_flat: Mapping[int, Homography],
+) -> tuple[PairRegistration, ...]:
+    """The matches of `photos` in the views `laid` that replace theirs, whose places on the page are known."""
     moved = []
     for pair in pairs:
         ends = [
@@ -111,4 +139,4 @@ def _lay_on_sheet(
                 weights=pair.weights[known],
             )
         )
-    return laid, H_world_flat, tuple(moved)
+    return tuple(moved)

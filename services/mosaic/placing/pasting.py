@@ -1,0 +1,80 @@
+"""The photo that several photos are parts of, pasted from them."""
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+
+from services.arrays import Floats, GrayImage, Homography, RgbImage
+from services.geometry.homographies import resizing, scaling, transform_points, translation
+from services.imaging.reduction import reduce_image
+
+MOST_PIXELS = 12e6
+"""Of the pasted photo, which is measured only."""
+FILL_PX = 300
+"""Long side of the picture in which what no photo shows is filled smoothly, so that no edge is seen there."""
+FILL_REACH_PX = 3
+"""Radius of the pixels that such a pixel is made of."""
+LIGHT_STEP_PX = 8
+"""One pixel in this many, along both axes, compares the light of two photos."""
+
+
+def paste_photos(
+    photos: Mapping[int, RgbImage], H_common_photo: Mapping[int, Homography]
+) -> tuple[RgbImage, Homography]:
+    """The photo (H, W, 3) of which `photos` are parts, and the map of their common pixels to its own.
+
+    Each pixel is from the photo in which it is farthest from the border. All are drawn in the light of the first one.
+    """
+    corners = []
+    for index, photo in photos.items():
+        height, width = photo.shape[:2]
+        box = np.array([[0.0, 0.0], [width - 1, 0.0], [width - 1, height - 1], [0.0, height - 1]])
+        corners.append(transform_points(H_common_photo[index], box))
+    low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+    extent = high - low + 1
+    factor = min(1.0, float(np.sqrt(MOST_PIXELS / np.prod(extent))))
+    H_picture_common = scaling(factor) @ translation(-low[0], -low[1])
+    width, height = (max(int(np.ceil(v * factor)), 1) for v in extent)
+    picture = np.zeros((height, width, 3), np.uint8)
+    farthest = np.zeros((height, width), np.float32)
+    for index, photo in photos.items():
+        _add(picture, farthest, photo, H_picture_common @ H_common_photo[index])
+    return _fill(picture, np.asarray(farthest == 0).view(np.uint8)), H_picture_common
+
+
+def _add(picture: RgbImage, farthest: Floats, photo: RgbImage, H_picture_photo: Homography) -> None:
+    """Draw `photo` where it is farther from its border than what was drawn before."""
+    scale = float(np.hypot(H_picture_photo[0, 0], H_picture_photo[1, 0]))
+    small = reduce_image(photo, min(scale, 1.0))
+    H_small_photo = resizing(min(scale, 1.0))
+    M = (H_picture_photo @ np.linalg.inv(H_small_photo))[:2]
+    height, width = small.shape[:2]
+    size = (picture.shape[1], picture.shape[0])
+    across = np.minimum(np.arange(width), np.arange(width)[::-1]).astype(np.float32) + 1
+    down = np.minimum(np.arange(height), np.arange(height)[::-1]).astype(np.float32)[:, None] + 1
+    inset = cv2.warpAffine(np.minimum(across, down), M, size, flags=cv2.INTER_LINEAR)
+    inset[inset < 1] = 0  # beyond the border's pixels
+    drawn = cv2.warpAffine(small, M, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    few = np.s_[::LIGHT_STEP_PX, ::LIGHT_STEP_PX]
+    both = (farthest[few] > 0) & (inset[few] > 0)
+    if both.any():
+        known, own = (picture[few][both].astype(np.float64).mean(axis=0) for picture in (picture, drawn))
+        gain = (known + 1) / (own + 1)
+        drawn = np.asarray(np.clip(drawn * gain.astype(np.float32), 0, 255), np.uint8)
+    chosen = inset > farthest
+    picture[chosen], farthest[chosen] = drawn[chosen], inset[chosen]
+
+
+def _fill(picture: RgbImage, unseen: GrayImage) -> RgbImage:
+    """`picture` with what no photo shows filled from around, without edges."""
+    if not unseen.any():
+        return picture
+    factor = min(1.0, FILL_PX / max(unseen.shape))
+    size = tuple(max(round(side * factor), 1) for side in unseen.shape[::-1])
+    holes = np.asarray(cv2.resize(unseen, size, interpolation=cv2.INTER_AREA) > 0).view(np.uint8)
+    holes = np.asarray(cv2.dilate(holes, np.ones((3, 3), np.uint8)), np.uint8)
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    small = cv2.inpaint(small, holes, FILL_REACH_PX, cv2.INPAINT_TELEA)
+    filled = cv2.resize(small, unseen.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.copyTo(filled, unseen, picture), np.uint8)
