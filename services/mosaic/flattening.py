@@ -153,6 +153,17 @@ def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
         )
 
 
+def view_unchanged(flat: FlatPhoto) -> FlatPhoto:
+    """The photo of `flat` as its own view."""
+    height, width = flat.photo.shape[:2]
+    as_it_is = FlatFrame(np.eye(3), width, height)
+    if flat.page is None:
+        text_height_px = flat.text_height_px / flat.native_scale
+    else:
+        text_height_px = flat.page.text_height_px
+    return view_photo(flat.index, flat.photo, as_it_is, text_height_px, flat.weight)
+
+
 def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float) -> FlatPhoto:
     """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
     p = FlatteningParameters()

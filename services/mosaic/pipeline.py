@@ -44,7 +44,7 @@ from services.mosaic.placing.whole_photo import find_whole_photo
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.photo_pairs import register_photos
 from services.mosaic.results import MosaicResult
-from services.mosaic.whole_pixels import join_whole_pixels
+from services.mosaic.whole_pixels import JoinedPhotos, join_whole_pixels
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
 from services.rectify.analysis.found_text import STROKE_TEXT_HEIGHT_PX
@@ -92,12 +92,10 @@ def mosaic(
     with clock.stage("registration"):
         pairs = register_photos(list(flats.values()))
     try:
-        part = find_places(flats, pairs, parameters, clock)
+        part, joined = find_places(flats, pairs, parameters, clock)
     except NotOverlapping as refusal:
         raise explain_refusal(refusal, textless, len(kept)) from None
     flats |= part.photos  # those of one bent sheet, or of one photo, have views of it
-    with clock.stage("adjustment"):
-        joined = None if parameters.rectify else join_whole_pixels(flats, part)
     if joined is None:
         disagreements = find_disagreements(part, typical_text_height_px(part), parameters.base)
         part = straighten_leaders(part, disagreements)
@@ -209,13 +207,17 @@ def find_places(
     pairs: Sequence[PairRegistration],
     parameters: MosaicParameters,
     clock: StageClock,
-) -> PlacedPart:
-    """The photos of the page with their places, as parts of one photo where they are; raises `NotOverlapping`."""
+) -> tuple[PlacedPart, JoinedPhotos | None]:
+    """The photos of the page with their places, as parts of one photo where they are; beside it screenshots joined.
+
+    Raises `NotOverlapping`.
+    """
     whole = find_whole_photo(flats, pairs, parameters.base, clock) if parameters.rectify else None
     with clock.stage("adjustment"):
         if whole is not None:
-            return place_parts(whole, flats, pairs, parameters.base)
-        return place_photos(flats, pairs, parameters.base)
+            return place_parts(whole, parameters.base), None
+        part = place_photos(flats, pairs, parameters.base)
+        return part, None if parameters.rectify else join_whole_pixels(part.photos, part)
 
 
 def explain_refusal(

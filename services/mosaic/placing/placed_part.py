@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from services.arrays import Homography
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import view_again
@@ -15,6 +13,7 @@ from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
 from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
+from services.mosaic.placing.second_matches import match_again
 from services.mosaic.placing.whole_photo import WholePhoto
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.notices import Notice
@@ -76,18 +75,11 @@ def place_photos(
     return replace(placed, placements=placements)
 
 
-def place_parts(
-    whole: WholePhoto,
-    photos: Mapping[int, FlatPhoto],
-    pairs: Sequence[PairRegistration],
-    base: int | None,
-) -> PlacedPart:
-    """The parts of one photo on its page; `photos` are their own views, which the `pairs` match."""
-    members = whole.photos
-    within = tuple(pair for pair in pairs if pair.a in members)
-    within = _match_again(within, photos, members, whole.H_page_flat)
-    chosen = max(members, key=lambda index: members[index].weight) if base is None else base
-    return replace(_place(chosen, members, whole.H_page_flat, within), notices=whole.notices)
+def place_parts(whole: WholePhoto, base: int | None) -> PlacedPart:
+    """The parts of one photo on its page."""
+    photos = whole.photos
+    chosen = max(photos, key=lambda index: photos[index].weight) if base is None else base
+    return replace(_place(chosen, photos, whole.H_page_flat, whole.pairs), notices=whole.notices)
 
 
 def _place(
@@ -113,30 +105,4 @@ def _lay_on_sheet(
         frame = laid[index].frame
         assert isinstance(frame, CurvedFrame)
         H_world_flat[index] = joint.H_world_page[index] @ frame.H_page_flat
-    return laid, H_world_flat, _match_again(pairs, photos, laid, H_world_flat)
-
-
-def _match_again(
-    pairs: Sequence[PairRegistration],
-    photos: Mapping[int, FlatPhoto],
-    laid: Mapping[int, FlatPhoto],
-    H_world_flat: Mapping[int, Homography],
-) -> tuple[PairRegistration, ...]:
-    """The matches of `photos` in the views `laid` that replace theirs, whose places on the page are known."""
-    moved = []
-    for pair in pairs:
-        ends = [
-            laid[index].frame.to_flat(photos[index].to_photo(points))
-            for index, points in ((pair.a, pair.points_a), (pair.b, pair.points_b))
-        ]
-        known = np.isfinite(np.concatenate(ends, axis=1)).all(axis=1)
-        moved.append(
-            replace(
-                pair,
-                H_a_b=np.linalg.solve(H_world_flat[pair.a], H_world_flat[pair.b]),
-                points_a=ends[0][known],
-                points_b=ends[1][known],
-                weights=pair.weights[known],
-            )
-        )
-    return tuple(moved)
+    return laid, H_world_flat, match_again(pairs, photos, laid, H_world_flat)

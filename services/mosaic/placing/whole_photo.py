@@ -12,17 +12,19 @@ import numpy as np
 
 from services.arrays import Homography, Points
 from services.contract.rectify import RectifyParameters
-from services.errors import NoText
+from services.errors import NoText, NotOverlapping
 from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.homographies import transform_points, translation
 from services.geometry.page_frame import Frame
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
-from services.mosaic.flattening import flattest_view, see_page, view_photo
+from services.mosaic.flattening import flattest_view, see_page, view_photo, view_unchanged
 from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placing.part_frame import PartFrame
 from services.mosaic.placing.pasting import paste_photos
+from services.mosaic.placing.second_matches import match_again
 from services.mosaic.placing.similarities import fit_similarities
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.mosaic.registration.photo_pairs import QUICK_LOOKS, register_photos
 from services.notices import Notice
 from services.rectify.pipeline import find_page
 from services.rectify.stage_clock import StageClock
@@ -36,10 +38,14 @@ GRID = 40
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholePhoto:
-    """The photos by index, in views of the page that they show together, their places on it, and notices of it."""
+    """The photos by index, in views of the page that they show together, their places on it, and notices of it.
+
+    `pairs` are those of these views.
+    """
 
     photos: Mapping[int, FlatPhoto]
     H_page_flat: Mapping[int, Homography]
+    pairs: tuple[PairRegistration, ...]
     notices: tuple[Notice, ...]
 
 
@@ -60,19 +66,39 @@ def find_whole_photo(
 ) -> WholePhoto | None:
     """The photos of the page as parts of one; None where they are not, and where that shows no page.
 
-    Photos that each are the page itself, as scans are, stay as they are, and those of which none shows a page.
-
-    Raises
-    ------
-    NotOverlapping
-        When no photo overlaps another one, or the base.
+    Photos that each are the page itself, as scans are, stay as they are, and those of which none shows a page. Flat
+    views of parts may be too unlike to be registered: photos that the `pairs` do not connect are compared as they are.
     """
-    part, _ = choose_part(connect_photos(photos, [(pair.a, pair.b) for pair in pairs]), photos, base)
+    parts = connect_photos(photos, [(pair.a, pair.b) for pair in pairs])
+    found = _join(photos, photos, pairs, base, clock)
+    if found is not None or len(parts) == 1:
+        return found
+    with clock.stage("registration"):
+        views = {index: view_unchanged(photo) for index, photo in photos.items()}
+        again = register_photos(list(views.values()), QUICK_LOOKS)
+    if len(connect_photos(views, [(pair.a, pair.b) for pair in again])) >= len(parts):
+        return None
+    return _join(photos, views, again, base, clock)
+
+
+def _join(
+    photos: Mapping[int, FlatPhoto],
+    views: Mapping[int, FlatPhoto],
+    pairs: Sequence[PairRegistration],
+    base: int | None,
+    clock: StageClock,
+) -> WholePhoto | None:
+    """The `photos` that belong to the page by the `pairs` of their `views`."""
+    try:
+        part, _ = choose_part(connect_photos(views, [(pair.a, pair.b) for pair in pairs]), views, base)
+    except NotOverlapping:
+        return None
     members = {index: photos[index] for index in part}
     shapes = [photo.page.shape for photo in members.values() if photo.page is not None]
     if all(isinstance(shape, PhotoAsPage) for shape in shapes):
         return None
-    H_common_photo = fit_similarities(members, [pair for pair in pairs if pair.a in part])
+    within = tuple(pair for pair in pairs if pair.a in part)
+    H_common_photo = fit_similarities({index: views[index] for index in part}, within)
     if H_common_photo is None:
         return None
     seen = _shown_by_one(members, H_common_photo) or _shown_together(members, H_common_photo, clock)
@@ -86,7 +112,7 @@ def find_whole_photo(
             if frame is None:
                 return None
             laid[index], H_page_flat[index] = _lay(photo, frame, seen)
-    return WholePhoto(laid, H_page_flat, seen.notices)
+    return WholePhoto(laid, H_page_flat, match_again(within, views, laid, H_page_flat), seen.notices)
 
 
 def _shown_by_one(photos: Mapping[int, FlatPhoto], H_common_photo: Mapping[int, Homography]) -> _Seen | None:
