@@ -157,10 +157,8 @@ def view_unchanged(flat: FlatPhoto) -> FlatPhoto:
     """The photo of `flat` as its own view."""
     height, width = flat.photo.shape[:2]
     as_it_is = FlatFrame(np.eye(3), width, height)
-    if flat.page is None:
-        text_height_px = flat.text_height_px / flat.native_scale
-    else:
-        text_height_px = flat.page.text_height_px
+    own_px = flat.text_height_px / flat.native_scale
+    text_height_px = own_px if flat.page is None else flat.page.text_height_px
     return view_photo(flat.index, flat.photo, as_it_is, text_height_px, flat.weight)
 
 

@@ -7,14 +7,15 @@ import numpy as np
 
 from services.arrays import Floats, GrayImage, Homography, RgbImage
 from services.geometry.homographies import resizing, scaling, transform_points, translation
+from services.geometry.page_frame import fill_unknown
 from services.imaging.reduction import reduce_image
 
 MOST_PIXELS = 12e6
 """Of the pasted photo, which is measured only."""
 FILL_PX = 300
 """Long side of the picture in which what no photo shows is filled smoothly, so that no edge is seen there."""
-FILL_REACH_PX = 3
-"""Radius of the pixels that such a pixel is made of."""
+FILL_BLUR_PX = 4.0
+"""Blur of what is filled, from the nearest pixels that a photo shows, in that picture."""
 LIGHT_STEP_PX = 8
 """One pixel in this many, along both axes, compares the light of two photos."""
 
@@ -72,9 +73,12 @@ def _fill(picture: RgbImage, unseen: GrayImage) -> RgbImage:
         return picture
     factor = min(1.0, FILL_PX / max(unseen.shape))
     size = tuple(max(round(side * factor), 1) for side in unseen.shape[::-1])
-    holes = np.asarray(cv2.resize(unseen, size, interpolation=cv2.INTER_AREA) > 0).view(np.uint8)
-    holes = np.asarray(cv2.dilate(holes, np.ones((3, 3), np.uint8)), np.uint8)
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    small = cv2.inpaint(small, holes, FILL_REACH_PX, cv2.INPAINT_TELEA)
+    holes = cv2.resize(unseen, size, interpolation=cv2.INTER_AREA) > 0
+    holes = cv2.dilate(holes.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float64)
+    small[holes] = np.nan
+    near = fill_unknown(small)
+    smooth = cv2.GaussianBlur(near, (0, 0), FILL_BLUR_PX)
+    small = np.asarray(np.where(holes[:, :, None], smooth, near) + 0.5, np.uint8)
     filled = cv2.resize(small, unseen.shape[::-1], interpolation=cv2.INTER_LINEAR)
     return np.asarray(cv2.copyTo(filled, unseen, picture), np.uint8)
