@@ -6,12 +6,13 @@ import cv2
 import numpy as np
 
 from services.arrays import Floats, GrayImage, Homography, RgbImage
-from services.geometry.homographies import resizing, scaling, transform_points, translation
+from services.geometry.homographies import scaling, transform_points, translation
 from services.geometry.page_frame import fill_unknown
-from services.imaging.reduction import reduce_image
 
 MOST_PIXELS = 12e6
 """Of the pasted photo, which is measured only."""
+PIXEL_BLUR = 0.5
+"""Blur of a photo that is reduced, pixels of the picture: no pixel is skipped."""
 FILL_PX = 300
 """Long side of the picture in which what no photo shows is filled smoothly, so that no edge is seen there."""
 FILL_BLUR_PX = 4.0
@@ -47,16 +48,16 @@ def paste_photos(
 def _add(picture: RgbImage, farthest: Floats, photo: RgbImage, H_picture_photo: Homography) -> None:
     """Draw `photo` where it is farther from its border than what was drawn before."""
     scale = float(np.hypot(H_picture_photo[0, 0], H_picture_photo[1, 0]))
-    small = reduce_image(photo, min(scale, 1.0))
-    H_small_photo = resizing(min(scale, 1.0))
-    M = (H_picture_photo @ np.linalg.inv(H_small_photo))[:2]
-    height, width = small.shape[:2]
+    if scale < 1:
+        photo = np.asarray(cv2.GaussianBlur(photo, (0, 0), PIXEL_BLUR * (scale**-2 - 1) ** 0.5), np.uint8)
+    M = H_picture_photo[:2]
+    height, width = photo.shape[:2]
     size = (picture.shape[1], picture.shape[0])
     across = np.minimum(np.arange(width), np.arange(width)[::-1]).astype(np.float32) + 1
     down = np.minimum(np.arange(height), np.arange(height)[::-1]).astype(np.float32)[:, None] + 1
     inset = cv2.warpAffine(np.minimum(across, down), M, size, flags=cv2.INTER_LINEAR)
     inset[inset < 1] = 0  # beyond the border's pixels
-    drawn = cv2.warpAffine(small, M, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    drawn = cv2.warpAffine(photo, M, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     few = np.s_[::LIGHT_STEP_PX, ::LIGHT_STEP_PX]
     both = (farthest[few] > 0) & (inset[few] > 0)
     if both.any():
