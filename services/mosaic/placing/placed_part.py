@@ -10,6 +10,7 @@ from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placing.adjustment import adjust_globally
 from services.mosaic.placing.frontal_frame import agree_on_frontal_frame
 from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
+from services.mosaic.placing.kept_paper import keeps_paper
 from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
@@ -66,7 +67,7 @@ def place_photos(
     joint = find_joint_sheet(members, within, placed.placements)
     if joint is None:
         joint = find_sheet_of_parts(members, within, placed.placements)
-    if joint is not None:
+    if joint is not None and keeps_paper(joint, members):
         members, H_world_flat, within = _lay_on_sheet(joint, members, within)
         placed = replace(_place(chosen, members, H_world_flat, within), joint=joint)
     H_mosaic_flat = {index: placement.H_mosaic_flat for index, placement in placed.placements.items()}

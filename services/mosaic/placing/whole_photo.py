@@ -19,6 +19,7 @@ from services.geometry.page_frame import Frame
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.flattening import flattest_view, see_page, view_photo, view_unchanged
 from services.mosaic.photo_graph import choose_part, connect_photos
+from services.mosaic.placing.joint_sheet import LEFT_BY_MATCHING
 from services.mosaic.placing.part_frame import PartFrame
 from services.mosaic.placing.pasting import paste_photos
 from services.mosaic.placing.second_matches import match_again
@@ -102,7 +103,7 @@ def _join(
     if H_common_photo is None:
         return None
     seen = _shown_by_one(members, H_common_photo) or _shown_together(members, H_common_photo, clock)
-    if seen is None:
+    if seen is None or (views is photos and _agree_better(members, within, seen.error_percent)):
         return None
     laid: dict[int, FlatPhoto] = {}
     H_page_flat: dict[int, Homography] = {}
@@ -113,6 +114,20 @@ def _join(
                 return None
             laid[index], H_page_flat[index] = _lay(photo, frame, seen)
     return WholePhoto(laid, H_page_flat, match_again(within, views, laid, H_page_flat), seen.notices)
+
+
+def _agree_better(
+    photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration], error_percent: float | None
+) -> bool:
+    """Whether the flat views agree, and the worst of them has a smaller error to expect than `error_percent`."""
+    errors = [photo.error_percent for photo in photos.values() if photo.error_percent is not None]
+    if error_percent is None or len(errors) < len(photos) or max(errors) >= error_percent:
+        return False
+    for pair in pairs:
+        apart = np.linalg.norm(transform_points(pair.H_a_b, pair.points_b) - pair.points_a, axis=1)
+        if float(np.median(apart)) > LEFT_BY_MATCHING * photos[pair.a].text_height_px:
+            return False
+    return True
 
 
 def _shown_by_one(photos: Mapping[int, FlatPhoto], H_common_photo: Mapping[int, Homography]) -> _Seen | None:
