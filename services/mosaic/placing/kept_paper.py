@@ -8,18 +8,17 @@ import numpy as np
 from services.arrays import Mask, Points
 from services.geometry.page_frame import Frame
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.placing.joint_sheet import JointSheet
 
 LEAST_KEPT = 0.9
-"""Share of the paper in a photo's own view that its view of a joint sheet keeps: 1.0 on each photo of eight simulated
+"""Share of the paper in a photo's own view that its view of a joint sheet keeps: 1.0 of 26 photos of eight simulated
 sets of bent sheets, 0.82 of a flat page that was laid on the bent sheet of a crop of it."""
 GRID = 40
 """Points across and down a photo at which this is asked."""
 
 
-def keeps_paper(joint: JointSheet, photos: Mapping[int, FlatPhoto]) -> bool:
-    """Whether the views of a `joint` sheet keep the paper of all `photos` whose sheet is seen against the ground."""
-    return all(_share_kept(photo, joint.views[index]) >= LEAST_KEPT for index, photo in photos.items())
+def keeps_paper(views: Mapping[int, Frame], photos: Mapping[int, FlatPhoto]) -> bool:
+    """Whether the `views` of a joint sheet keep the paper of all `photos` whose sheet is seen against the ground."""
+    return all(_share_kept(photo, views[index]) >= LEAST_KEPT for index, photo in photos.items())
 
 
 def _share_kept(photo: FlatPhoto, view: Frame) -> float:

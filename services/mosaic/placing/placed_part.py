@@ -67,7 +67,7 @@ def place_photos(
     joint = find_joint_sheet(members, within, placed.placements)
     if joint is None:
         joint = find_sheet_of_parts(members, within, placed.placements)
-    if joint is not None and keeps_paper(joint, members):
+    if joint is not None and keeps_paper(joint.views, members):
         members, H_world_flat, within = _lay_on_sheet(joint, members, within)
         placed = replace(_place(chosen, members, H_world_flat, within), joint=joint)
     H_mosaic_flat = {index: placement.H_mosaic_flat for index, placement in placed.placements.items()}
