@@ -5,12 +5,18 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
-from services.arrays import Floats, GrayImage, Homography, RgbImage
+from services.arrays import Floats, GrayImage, Homography, Mask, RgbImage
 from services.geometry.homographies import scaling, transform_points, translation
 from services.geometry.page_frame import fill_unknown
 
 MOST_PIXELS = 12e6
 """Of the pasted photo, which is measured only."""
+FULL = 0.75
+"""Share of a row or column that photos show, from which it is no wedge of a photo that was turned. Wedges move the
+middle, which is taken for the principal point: with them crops of three bent sheets, turned by 2 to 4 degrees, became
+0.13 to 0.55 % of the width off, without them 0.08 to 0.14."""
+MOST_TRIMMED = 0.1
+"""Largest share that is trimmed at a side, or nothing is: four crops that were turned by up to 4 degrees leave 0.07."""
 PIXEL_BLUR = 0.5
 """Blur of a photo that is reduced, pixels of the picture: no pixel is skipped."""
 FILL_PX = 300
@@ -42,7 +48,26 @@ def paste_photos(
     farthest = np.zeros((height, width), np.float32)
     for index, photo in photos.items():
         _add(picture, farthest, photo, H_picture_common @ H_common_photo[index])
-    return _fill(picture, np.asarray(farthest == 0).view(np.uint8)), H_picture_common
+    left, top, right, bottom = _without_wedges(farthest > 0)
+    unseen = np.asarray(farthest == 0).view(np.uint8)[top:bottom, left:right]
+    H = translation(-left, -top) @ H_picture_common
+    return _fill(np.ascontiguousarray(picture[top:bottom, left:right]), unseen), H
+
+
+def _without_wedges(seen: Mask) -> tuple[int, int, int, int]:
+    """The box (left, top, right, bottom) without rows and columns at the borders that are mostly not `seen`."""
+    bounds, trimmed = [], 0.0
+    for axis in (0, 1):
+        full = np.flatnonzero(seen.mean(axis=axis) >= FULL)
+        first, last, size = (
+            (int(full[0]), int(full[-1]) + 1, seen.shape[1 - axis]) if len(full) else (0, 0, 1)
+        )
+        trimmed = max(trimmed, first / size, 1 - last / size)
+        bounds.append((first, last))
+    if trimmed > MOST_TRIMMED:
+        return 0, 0, seen.shape[1], seen.shape[0]
+    (left, right), (top, bottom) = bounds
+    return left, top, right, bottom
 
 
 def _add(picture: RgbImage, farthest: Floats, photo: RgbImage, H_picture_photo: Homography) -> None:

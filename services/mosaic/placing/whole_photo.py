@@ -70,16 +70,20 @@ def find_whole_photo(
     Photos that each are the page itself, as scans are, stay as they are, and those of which none shows a page. Flat
     views of parts may be too unlike to be registered: photos that the `pairs` do not connect are compared as they are.
     """
-    parts = connect_photos(photos, [(pair.a, pair.b) for pair in pairs])
     found = _join(photos, photos, pairs, base, clock)
-    if found is not None or len(parts) == 1:
+    if len(connect_photos(photos, [(pair.a, pair.b) for pair in pairs])) == 1:
         return found
     with clock.stage("registration"):
         views = {index: view_unchanged(photo) for index, photo in photos.items()}
         again = register_photos(list(views.values()), QUICK_LOOKS)
-    if len(connect_photos(views, [(pair.a, pair.b) for pair in again])) >= len(parts):
-        return None
-    return _join(photos, views, again, base, clock)
+    if _largest(photos, again) <= _largest(photos, pairs):
+        return found
+    return _join(photos, views, again, base, clock) or found
+
+
+def _largest(photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration]) -> int:
+    """Number of the photos that the `pairs` connect, of the largest part."""
+    return max(map(len, connect_photos(photos, [(pair.a, pair.b) for pair in pairs])))
 
 
 def _join(

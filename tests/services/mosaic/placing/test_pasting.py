@@ -51,3 +51,16 @@ def test_a_large_photo_is_reduced(monkeypatch: pytest.MonkeyPatch) -> None:
     true = cv2.warpPerspective(cv2.GaussianBlur(WHOLE, (0, 0), 1.2), H, picture.shape[1::-1])
     assert np.abs(picture.astype(int) - true)[5:-5, 5:-5].mean() < 2.0
     assert H[0, 0] == pytest.approx(picture.shape[1] / WHOLE.shape[1], rel=0.01)
+
+
+def test_wedges_of_a_turned_part_do_not_move_the_middle() -> None:
+    M = np.vstack([cv2.getRotationMatrix2D((350.0, 600.0), 4.0, 1.0), [0.0, 0.0, 1.0]])
+    turned = np.asarray(cv2.warpAffine(WHOLE, M[:2], (700, 900)), np.uint8)[300:]
+    maps = {0: np.eye(3), 1: np.linalg.inv(translation(0, -300) @ M)}
+    picture, H = paste_photos({0: WHOLE[:500], 1: turned}, maps)
+    middle = np.linalg.inv(H) @ [(picture.shape[1] - 1) / 2, (picture.shape[0] - 1) / 2, 1.0]
+    assert np.hypot(*(middle[:2] - [349.5, 449.5])) < 12.0
+    # Photos along a diagonal are no wedges.
+    paper = WHOLE[:400, :400]
+    picture, _ = paste_photos({0: paper, 1: paper}, {0: np.eye(3), 1: translation(300, 300)})
+    assert picture.shape == (700, 700, 3)

@@ -79,3 +79,10 @@ def test_parts_that_do_not_connect_by_their_views_are_compared_as_they_are(
     assert found is not None
     assert [(pair.a, pair.b) for pair in found.pairs] == [(0, 1)]
     assert len(found.pairs[0].points_a) > 50
+
+
+def test_the_views_decide_where_photos_as_they_are_connect_no_more(
+    flats: dict[int, FlatPhoto], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(whole_photo, "register_photos", lambda *_: ())
+    assert find_whole_photo({index: flats[index] for index in (0, 1)}, (), None, StageClock()) is None
