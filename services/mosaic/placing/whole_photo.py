@@ -19,7 +19,7 @@ from services.geometry.page_frame import Frame
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.mosaic.flattening import flattest_view, see_page, view_photo, view_unchanged
 from services.mosaic.photo_graph import choose_part, connect_photos
-from services.mosaic.placing.joint_sheet import LEFT_BY_MATCHING
+from services.mosaic.placing.joint_sheet import MOST_LEFT
 from services.mosaic.placing.part_frame import PartFrame
 from services.mosaic.placing.pasting import paste_photos
 from services.mosaic.placing.second_matches import match_again
@@ -129,7 +129,7 @@ def _agree_better(
         return False
     for pair in pairs:
         apart = np.linalg.norm(transform_points(pair.H_a_b, pair.points_b) - pair.points_a, axis=1)
-        if float(np.median(apart)) > LEFT_BY_MATCHING * photos[pair.a].text_height_px:
+        if float(np.median(apart)) > MOST_LEFT * photos[pair.a].text_height_px:
             return False
     return True
 
