@@ -19,7 +19,8 @@ from services.mosaic.registration.pair_registration import PairRegistration
 
 EXACT_PX = 0.2
 """Median distance of a pair's matches, pixels of the views: 0.02 to 0.09 on 22 pairs of crops, turned, resized and
-saved as JPEG of quality 90; 1.3 and more on a newspaper that was seen nearly from the front."""
+saved as JPEG of quality 90; 1.3 and more on four of six pairs of a newspaper seen
+nearly from the front."""
 NEAR_PX = 0.7
 """Distance within which `NEAR_SHARE` of a pair's matches must be: 95 % were within 0.27 on these pairs of crops."""
 NEAR_SHARE = 0.9
@@ -27,8 +28,8 @@ FEWEST = 12
 """Matches of a pair."""
 ALIKE = 0.0025
 """Distance, over the photo's diagonal, up to which a similarity and a homography of the matches agree in the corners of
-a photo: 0.0001 to 0.0024 on pairs of crops, 0.016 to 0.1 on the newspaper. Pairs that overlap in a corner tell less, so
-those that agree must connect the photos, and all others be as exact."""
+a photo: 0.0001 to 0.0024 on pairs of crops, 0.012 to 0.058 on four of six pairs of the newspaper. Crops that overlap
+little tell less (0.004 to 0.013), so pairs that agree must connect the photos, and all others be as exact."""
 ROUNDS = 4
 """Fits, each without the matches that the one before leaves far apart."""
 
