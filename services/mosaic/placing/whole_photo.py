@@ -29,6 +29,7 @@ from services.mosaic.registration.photo_pairs import QUICK_LOOKS, register_photo
 from services.notices import Notice
 from services.rectify.pipeline import find_page
 from services.rectify.stage_clock import StageClock
+from services.rectify.view.judged_view import CLEARLY_FLATTER
 from services.sheet.plane.flat_photo import PhotoAsPage
 
 BESIDE = 0.01
@@ -123,9 +124,11 @@ def _join(
 def _agree_better(
     photos: Mapping[int, FlatPhoto], pairs: Sequence[PairRegistration], error_percent: float | None
 ) -> bool:
-    """Whether the flat views agree, and the worst of them has a smaller error to expect than `error_percent`."""
+    """Whether the flat views agree, each is flat, and the worst clearly has a smaller error than `error_percent`."""
     errors = [photo.error_percent for photo in photos.values() if photo.error_percent is not None]
-    if error_percent is None or len(errors) < len(photos) or max(errors) >= error_percent:
+    if error_percent is None or len(errors) < len(photos) or max(errors) >= CLEARLY_FLATTER * error_percent:
+        return False
+    if any(notice.code == "not-flat" for photo in photos.values() for notice in photo.notices):
         return False
     for pair in pairs:
         apart = np.linalg.norm(transform_points(pair.H_a_b, pair.points_b) - pair.points_a, axis=1)
