@@ -38,6 +38,7 @@ from services.mosaic.joined_page import AS_JOINED, flatten_joined
 from services.mosaic.light.hidden_parts import HiddenPart
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
+from services.mosaic.patch_mesh import turn_as_in_patch
 from services.mosaic.placed_photo import PlacedPhoto
 from services.mosaic.placing.placed_part import PlacedPart, place_parts, place_photos
 from services.mosaic.placing.whole_photo import find_whole_photo
@@ -126,7 +127,12 @@ def mosaic(
     orientation, notice = Orientation(parameters.rotate or 0, False, None), None
     if parameters.upright and parameters.rotate is None:
         with clock.stage("orientation"):
-            orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
+            base = placed[sorted(part.placements).index(part.base)]
+            orientation, notice = tell_orientation(
+                lambda: draw_reading_view(page, text_height_px),
+                ocr,
+                turn_as_in_patch(base.flat, base.placement, H_page_mosaic),
+            )
     turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)
     H_final_mosaic = np.linalg.inv(turn) @ H_page_mosaic
     patches = describe_patches(len(photos), placed, sharpness, covered, H_final_mosaic, part.joint)

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, RgbImage
-from services.geometry.page_frame import Frame, mesh_of, resize_frame, turn_against_photo
+from services.geometry.page_frame import (
+    Frame,
+    mesh_of,
+    resize_frame,
+    turn_against_photo,
+    turn_as_in_photo,
+)
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
@@ -346,10 +352,8 @@ def orient_page(
     photo: RgbImage, analysis: PageAnalysis | None, frame: Frame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
     """Orientation of the flat view, and a notice if it is unknown."""
-    turned_deg = turn_against_photo(mesh_of(frame, 9, 9))
-    return tell_orientation(
-        lambda: draw_for_reading(photo, analysis, frame), ocr, -90 * round(turned_deg / 90) % 360
-    )
+    lies_deg = turn_as_in_photo(turn_against_photo(mesh_of(frame, 9, 9)))
+    return tell_orientation(lambda: draw_for_reading(photo, analysis, frame), ocr, lies_deg)
 
 
 def draw_for_reading(photo: RgbImage, analysis: PageAnalysis | None, frame: Frame) -> GrayImage:
