@@ -37,6 +37,7 @@ MOST_LABELS = 8000
 """A sheet has room for 16 384 columns, two for each label."""
 _STATES = ("open", "skipped", "corrected", "confirmed")
 """A document has the first of these that one of its pages has."""
+_NOT_LOOKED_AT = ("open", "skipped")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First letters by which spreadsheets take a text as a formula."""
 _LONGEST_CELL = 32_767
@@ -70,14 +71,16 @@ def rows_of_documents(documents: Mapping[str, Sequence[ResultEntry]], written: W
     """The names of the columns, then a row for each document: by its id, from the entries of its pages in their order.
 
     Labels have two columns each, in alphabetical order: the value, or the text where there is none, and its confidence.
-    Of a label on several pages, the first one counts that has a value, or else the first one.
+    Of a label on several pages, the first one counts that has a value, or else the first one. A document of no known
+    class has none before a person has looked at it: its labels are those of the nearest class.
 
     Raises
     ------
     InvalidOption
         When the documents have more than `MOST_LABELS` labels.
     """
-    labels = sorted({field.label for pages in documents.values() for page in pages for field in page.fields})
+    fields = {id: _fields(pages) for id, pages in documents.items()}
+    labels = sorted({label for own in fields.values() for label in own})
     if len(labels) > MOST_LABELS:
         raise InvalidOption(
             f"rows: these documents have {len(labels)} labels, and a row has room for {MOST_LABELS}. Send a smaller "
@@ -88,20 +91,31 @@ def rows_of_documents(documents: Mapping[str, Sequence[ResultEntry]], written: W
     yield (*COLUMNS_OF_DOCUMENTS, *map(written, names_of_columns(names, COLUMNS_OF_DOCUMENTS)))
     for id, pages in documents.items():
         first = pages[0]
-        found: dict[str, LabelField] = {}
-        for field in chain.from_iterable(page.fields for page in pages):
-            if field.label not in found or (found[field.label].value is None and field.value is not None):
-                found[field.label] = field
-        states = {page.state for page in pages}
         yield (
             id,
             written(first.file_name),
             first.created.isoformat(),
-            next(state for state in _STATES if state in states),
+            _state(pages),
             first.class_,
             first.probability,
-            *(cell for label in labels for cell in _cells(found.get(label), written)),
+            *(cell for label in labels for cell in _cells(fields[id].get(label), written)),
         )
+
+
+def _fields(pages: Sequence[ResultEntry]) -> dict[str, LabelField]:
+    """What a document's row shows of each label; see `rows_of_documents`."""
+    found: dict[str, LabelField] = {}
+    if pages[0].class_ is None and _state(pages) in _NOT_LOOKED_AT:
+        return found
+    for field in chain.from_iterable(page.fields for page in pages):
+        if field.label not in found or (found[field.label].value is None and field.value is not None):
+            found[field.label] = field
+    return found
+
+
+def _state(pages: Sequence[ResultEntry]) -> str:
+    states = {page.state for page in pages}
+    return next(state for state in _STATES if state in states)
 
 
 def names_of_columns(names: Sequence[str], taken: Collection[str]) -> list[str]:

@@ -94,11 +94,14 @@ def measure_quality(
     characters: Points,
     sizes: Vector,
     mesh: NDArray[np.float64] | None = None,
+    *,
+    is_light: bool = False,
 ) -> CaptureQuality | None:
     """Figures of the photo `gray` (H, W) with the given characters; None without any.
 
     `characters` (N, 2) are their centres and `sizes` (N,) their heights in photo pixels. `mesh` (rows, columns, 2) has
-    the photo points of the flat page.
+    the photo points of the flat page. Print that `is_light` on dark paper is measured as its negative; dark paper is no
+    shadow.
     """
 
     inside = np.all((characters > 0) & (characters < [gray.shape[1] - 1, gray.shape[0] - 1]), axis=1)
@@ -109,9 +112,10 @@ def measure_quality(
     chosen = choose_windows(len(characters), _PATCHES)
     at = characters[chosen]
     axes = np.tile([1.0, 0.0], (len(at), 1)) if mesh is None else text_axes(mesh, at)
-    rows = measure_letter_rows(gray, at, axes, height)
-    strokes = measure_strokes(gray, at, axes, rows.height_px)
-    print_ = measure_patches(gray, at, height)
+    dark_print = np.asarray(255 - gray, np.uint8) if is_light else gray
+    rows = measure_letter_rows(dark_print, at, axes, height)
+    strokes = measure_strokes(dark_print, at, axes, rows.height_px)
+    print_ = measure_patches(dark_print, at, height)
     blurs = print_.blurs
     seen = np.isfinite(blurs)
     glare, shadow = _measure_light(gray, characters, height)
@@ -122,7 +126,7 @@ def measure_quality(
         contrast=float(np.median(print_.contrasts)),
         cut_off_fraction=_cut_off(gray.shape, characters, sizes, mesh),
         glare_fraction=glare,
-        shadow_fraction=shadow,
+        shadow_fraction=0.0 if is_light else shadow,
         blurred_side=_blurred_side(gray.shape, at[seen], blurs[seen]),
         worst_blur_px=print_.worst_blur_px if seen.any() else 0.0,
         noise=print_.noise,

@@ -39,10 +39,12 @@ from services.mosaic.light.hidden_parts import HiddenPart
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
 from services.mosaic.placed_photo import PlacedPhoto
-from services.mosaic.placing.placed_part import PlacedPart, place_photos
+from services.mosaic.placing.placed_part import PlacedPart, place_parts, place_photos
+from services.mosaic.placing.whole_photo import find_whole_photo
+from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.photo_pairs import register_photos
 from services.mosaic.results import MosaicResult
-from services.mosaic.whole_pixels import join_whole_pixels
+from services.mosaic.whole_pixels import JoinedPhotos, join_whole_pixels
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
 from services.rectify.analysis.found_text import STROKE_TEXT_HEIGHT_PX
@@ -89,13 +91,11 @@ def mosaic(
     flats, textless = flatten_photos(kept, parameters.rectify, exif_focal_lengths_px, cameras, clock)
     with clock.stage("registration"):
         pairs = register_photos(list(flats.values()))
-    with clock.stage("adjustment"):
-        try:
-            part = place_photos(flats, pairs, parameters.base)
-        except NotOverlapping as refusal:
-            raise explain_refusal(refusal, textless, len(kept)) from None
-        flats |= part.photos  # those of one bent sheet have views of it
-        joined = None if parameters.rectify else join_whole_pixels(flats, part)
+    try:
+        part, joined = find_places(flats, pairs, parameters, clock)
+    except NotOverlapping as refusal:
+        raise explain_refusal(refusal, textless, len(kept)) from None
+    flats |= part.photos  # those of one bent sheet, or of one photo, have views of it
     if joined is None:
         disagreements = find_disagreements(part, typical_text_height_px(part), parameters.base)
         part = straighten_leaders(part, disagreements)
@@ -135,6 +135,7 @@ def mosaic(
         *notices,
         *disagreement_notices(disagreements),
         *duplicate_notices(repeats),
+        *part.notices,
         *notices_of(placed),
         *unplaced_notices([index for index in unplaced if index not in repeats], textless, pairs),
     ]
@@ -199,6 +200,24 @@ def flatten_photos(
     for index in textless if known else ():
         flats[index] = replace(flats[index], text_height_px=float(np.median(known)), weight=0.0)
     return flats, textless
+
+
+def find_places(
+    flats: Mapping[int, FlatPhoto],
+    pairs: Sequence[PairRegistration],
+    parameters: MosaicParameters,
+    clock: StageClock,
+) -> tuple[PlacedPart, JoinedPhotos | None]:
+    """The photos of the page with their places, as parts of one photo where they are; beside it screenshots joined.
+
+    Raises `NotOverlapping`.
+    """
+    whole = find_whole_photo(flats, pairs, parameters.base, clock) if parameters.rectify else None
+    with clock.stage("adjustment"):
+        if whole is not None:
+            return place_parts(whole, parameters.base), None
+        part = place_photos(flats, pairs, parameters.base)
+        return part, None if parameters.rectify else join_whole_pixels(part.photos, part)
 
 
 def explain_refusal(

@@ -32,7 +32,9 @@ def describe_quality(
     if turn.confidence is None and turn.rotation_deg % 180:
         # A person has turned the page by a quarter: its lines run along the columns now.
         mesh = np.rot90(mesh)
-    quality = measure_quality(gray, result.print.characters, result.print.heights_px, mesh)
+    quality = measure_quality(
+        gray, result.print.characters, result.print.heights_px, mesh, is_light=result.print.is_light
+    )
     if quality is None:
         return None
     quality = quality.enlarged(reduction)

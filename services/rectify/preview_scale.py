@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats
 from services.contract.rectify import Corners, RectifyParameters
 from services.geometry.homographies import to_resized
-from services.rectify.results import PrintSample, RectifyResult
+from services.rectify.results import RectifyResult
 
 
 def reduce_parameters(parameters: RectifyParameters, reduction: int) -> RectifyParameters:
@@ -38,7 +38,9 @@ def enlarge(result: RectifyResult, factor: float) -> RectifyResult:
     point = camera.principal_point
     printed = result.print
     if printed is not None:
-        printed = PrintSample(moved(printed.characters), printed.heights_px * factor)
+        printed = replace(
+            printed, characters=moved(printed.characters), heights_px=printed.heights_px * factor
+        )
     return replace(
         result,
         image=np.broadcast_to(result.image[:1, :1], (*size, 3)),

@@ -68,10 +68,14 @@ class Orientation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PrintSample:
-    """Characters of the page in the photo: centres (N, 2) and heights (N,) in photo pixels."""
+    """Characters of the page in the photo: centres (N, 2) and heights (N,) in photo pixels.
+
+    `is_light`: they are lighter than the paper.
+    """
 
     characters: Points
     heights_px: Vector
+    is_light: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

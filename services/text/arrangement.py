@@ -4,6 +4,7 @@ The engine's lines are the lines of the text: a line goes into a zone as a whole
 Zones are boxes, which cut through a line that is a little bent or aslant; the engine follows it.
 """
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +16,14 @@ from services.ocr.engine import MADE_UP, Word, mean_confidence
 from services.text.page_text import BlockKind, Box, ReadLine, TextBlock, is_right_to_left
 from services.text.word_boxes import settle_boxes, with_common_rows
 
+_SIGN = 0.1
+"""What a digit or a sign counts beside a letter, where the region of a line is chosen."""
+_LONGEST_ENTRY = 6
+"""Words of the lines of a region, in the median, beside which values are theirs; prose has more."""
+_PROSE_LINES = 3
+"""Fewer lines are no prose, however long."""
+_LEAST_ROWS = 2
+"""Values of one region that are level with entries, unless it has no more lines."""
 _ROW_SHARE = 0.5
 """Two parts of a line are in one row if they share this much of the lower one's height."""
 _OVERLAP = 0.5
@@ -25,6 +34,7 @@ _LARGE_HEADING = 1.6
 """And by this factor, one of the first level."""
 _HEADING_WORDS = 25
 """Longer blocks are paragraphs in large print."""
+_CURRENCY = re.compile(r"[A-Z]{3}|Rs\.?|Fr\.?|[Kk]r\.?|zł")
 _SURE = 0.8
 """In a row whose letters have less than `MADE_UP` in the mean, as in the grain of a desk, words need this."""
 
@@ -46,7 +56,8 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     """Blocks of all `words` (in the engine's order), in the order of `regions`.
 
     A word belongs to the region that segmentation put it in, else to the smallest region that contains its centre; a
-    line to the region of most of its letters. Lines in no region make blocks of their own, each after the last block
+    line to the region of most of its letters, signs and digits counting little: a row with an amount is where its words
+    are. Lines in no region make blocks of their own, each after the last block
     that lies above it, but for words and rows that the engine probably made up. Without regions nothing is left out:
     then there is no place where print is expected.
     """
@@ -57,15 +68,17 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     held: list[list[Part]] = [[] for _ in regions]
     others: list[Part] = []
     for line in _lines_of(words):
-        letters: Counter[int | None] = Counter()
+        letters: dict[int | None, float] = {}
         for word in line:
             index = region_of.get(word.box)
-            letters[_smallest_around(boxes, word.box) if index is None else index] += len(word.text)
-        index = letters.most_common(1)[0][0]
+            index = _smallest_around(boxes, word.box) if index is None else index
+            letters[index] = letters.get(index, 0.0) + sum(1.0 if c.isalpha() else _SIGN for c in word.text)
+        index = max(letters, key=lambda region: letters[region])
         if index is not None:
             held[index].append(line)
         elif any(character.isalnum() for word in line for character in word.text):
             others.append(line)
+    _level_values(held)
     usual = _usual_size(regions, held)
     blocks = [
         _block(mine, region.font_size, usual) for region, mine in zip(regions, held, strict=True) if mine
@@ -75,6 +88,49 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
             block = TextBlock((ReadLine(tuple(kept)),))
             blocks.insert(_after_above(blocks, block.box), block)
     return tuple(blocks)
+
+
+def _level_values(held: list[list[Part]]) -> None:
+    """Move values, in place, to the regions of what they are values of: the line left of them in their row.
+
+    Amounts of a table stand in a column of their own, and are read by rows. A value beside prose is of another column
+    of the page, and a lone one beside others' lines may be.
+    """
+    entries = [
+        (index, part)
+        for index, parts in enumerate(held)
+        if len(parts) < _PROSE_LINES or np.median([len(part) for part in parts]) <= _LONGEST_ENTRY
+        for part in parts
+        if not _is_value(part)
+    ]
+    moves = []
+    for index, parts in enumerate(held):
+        found = [(part, _entry_of(part, entries)) for part in parts if _is_value(part)]
+        moved = [(part, target) for part, target in found if target is not None and target != index]
+        if len(moved) >= min(_LEAST_ROWS, len(parts)):
+            moves += [(index, part, target) for part, target in moved]
+    for index, part, target in moves:
+        held[index] = [other for other in held[index] if other is not part]
+        held[target].append(part)
+
+
+def _is_value(part: Part) -> bool:
+    """Whether a line is numbers rather than words."""
+    letters = sum(c.isalpha() for word in part for c in word.text if not _CURRENCY.fullmatch(word.text))
+    digits = sum(c.isdigit() for word in part for c in word.text)
+    return digits > 2 * letters
+
+
+def _entry_of(value: Part, entries: Sequence[tuple[int, Part]]) -> int | None:
+    """Region of the nearest line left of a value that is level with it."""
+    left, near, found = value[0].box[0], -np.inf, None
+    for index, part in entries:
+        end = part[-1].box
+        common = min(end[3], value[0].box[3]) - max(end[1], value[0].box[1])
+        lower = min(end[3] - end[1], value[0].box[3] - value[0].box[1])
+        if near < end[2] <= left and common >= _ROW_SHARE * lower:
+            near, found = end[2], index
+    return found
 
 
 def _lines_of(words: Sequence[Word]) -> list[Part]:
@@ -136,10 +192,8 @@ def _shared_height(part: Sequence[Word], row: Sequence[Word]) -> float:
 
     Words whose line is not known may overlap: the engine's boxes reach over neighbours.
     """
-    left, right = min(word.box[0] for word in part), max(word.box[2] for word in part)
-    start, end = min(word.box[0] for word in row), max(word.box[2] for word in row)
     known = part[0].line is not None and row[0].line is not None
-    if known and min(right, end) - max(left, start) > _OVERLAP * min(right - left, end - start):
+    if known and _share_columns(part, row):
         return 0.0
     one, other = min(
         ((mine, word) for mine in part for word in row),
@@ -147,6 +201,13 @@ def _shared_height(part: Sequence[Word], row: Sequence[Word]) -> float:
     )
     common = min(one.box[3], other.box[3]) - max(one.box[1], other.box[1])
     return common / max(1e-9, min(one.box[3] - one.box[1], other.box[3] - other.box[1]))
+
+
+def _share_columns(part: Sequence[Word], row: Sequence[Word]) -> bool:
+    """Whether words of a row stand above or below a part of a line rather than in its gaps and beside it."""
+    left, right = min(word.box[0] for word in part), max(word.box[2] for word in part)
+    common = sum(max(0.0, min(right, word.box[2]) - max(left, word.box[0])) for word in row)
+    return common > _OVERLAP * min(right - left, sum(word.box[2] - word.box[0] for word in row))
 
 
 def _smallest_around(boxes: NDArray[np.float64], box: Box) -> int | None:

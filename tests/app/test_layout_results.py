@@ -140,10 +140,10 @@ HOSTILE = (
 
 
 def page(
-    *fields: tuple[str, str, str | None], of_class: str = "invoice", name: str | None = None
+    *fields: tuple[str, str, str | None], of_class: str | None = "invoice", name: str | None = None
 ) -> dict[str, Any]:
     """A stored result of a page; `fields` have label, text and value. Without a name it is that of an older release."""
-    found = {"name": of_class, "model_version": 1, "cost": 1.0, "probability": 0.9}
+    found = of_class and {"name": of_class, "model_version": 1, "cost": 1.0, "probability": 0.9}
     shown = [
         {"label": label, "text": text, "value": value, "confidence": 0.5, "zones": ["z"]}
         for label, text, value in fields
@@ -290,6 +290,22 @@ def test_each_column_has_a_name_of_its_own(tmp_path: Path) -> None:
         assert len(row) == 6 + 2 * len(labels)
         assert (row["class"], row["class (label)"]) == ("invoice", "class")
         assert (row["sum"], row["sum confidence (label)"]) == ("sum", "sum confidence")
+
+
+def test_a_document_of_no_known_class_has_no_values_in_its_row(tmp_path: Path) -> None:
+    """Its labels are those of the nearest class; a row of each value shows them all the same."""
+    with Store.open(tmp_path / DATABASE) as store:
+        store.add_result(page(("total", "void draw() 3.2", "3.20"), of_class=None), 1000)
+        store.add_result(page(("total", "EUR 5", "5.00")), 1000)
+    with serving(data_dir=tmp_path) as client:
+        path = "/layout/results?format=csv"
+        rows = [*csv.DictReader(io.StringIO(client.get(f"{path}&rows=documents").text))]
+        assert {(row["class"], row["total"], row["total confidence"]) for row in rows} == {
+            ("", "", ""),
+            ("invoice", "5.00", "0.5"),
+        }
+        values = [*csv.DictReader(io.StringIO(client.get(path).text))]
+        assert {(row["class"], row["value"]) for row in values} == {("", "3.20"), ("invoice", "5.00")}
 
 
 def test_rows_are_of_tables_only(client: httpx.Client) -> None:

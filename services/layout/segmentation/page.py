@@ -22,6 +22,7 @@ from services.layout.segmentation.line_numbers import split_line_numbers
 from services.layout.segmentation.lost_words import believes_words, with_loose_words, with_lost_words
 from services.layout.segmentation.non_text import find_parts, without_dirt
 from services.layout.segmentation.page_numbers import split_page_numbers
+from services.layout.segmentation.stacked_lines import ReadWord, split_stacked
 from services.layout.segmentation.text_line_choice import ReadLines, choose_text_lines
 from services.layout.segmentation.text_lines import Line, find_lines, measure_line
 from services.layout.segmentation.word_lines import lines_of_words
@@ -88,6 +89,7 @@ def _rows_of_ink(printed: PrintedPage, words: Sequence[Word] | None) -> _Rows:
     lines = find_lines(levelled, np.flatnonzero(printed.kinds.glyphs))
     lines = split_page_numbers(lines, levelled, size[1])
     lines, numbers = split_line_numbers(lines, levelled)
+    lines = split_stacked(lines, _sure_words(lines, words, printed.frame), levelled)
     read, own_words = _read([*lines, *numbers], words, printed.frame)
     is_text = choose_text_lines(lines, read.of_first(len(lines)), levelled, size)
     kept = np.flatnonzero(is_text).tolist()
@@ -120,7 +122,7 @@ def _grouped(rows: _Rows, printed: PrintedPage, shape: tuple[int, ...]) -> FineP
     blocks = group_lines(lines[:count], set(rows.begins), levelled, frame.size[1])
     if rows.numbers:
         blocks.append(list(range(count, len(lines))))
-    line_boxes = np.array([line.box for line in lines]).reshape(-1, 4)
+    line_boxes = _line_boxes(lines)
     unused = ~lie_within(levelled.boxes, block_boxes(blocks, lines))
     for line in lines:
         unused[line.members] = False
@@ -189,11 +191,10 @@ def _read(
     seen = [word for word in words or () if is_word(word) or is_sign(word)]
     if not seen or not lines:
         return ReadLines([""] * len(lines), np.zeros(len(lines))), [[] for _ in lines]
-    boxes = np.array([line.box for line in lines])
-    word_boxes = frame.level(np.array([word.box for word in seen]) / np.array([*frame.scale, *frame.scale]))
+    word_boxes = _levelled_boxes(seen, frame)
     says = np.array([is_word(word) for word in seen])
     is_sure = np.array([word.confidence >= MADE_UP for word in seen]) & says
-    line_of_word = assign_words(seen, word_boxes, boxes)
+    line_of_word = assign_words(seen, word_boxes, _line_boxes(lines))
     confidence = line_confidences(seen, np.where(is_sure, line_of_word, -1), len(lines))
     # In a line that is text, a word that was read badly is a word all the same.
     is_text = confidence >= UNSURE
@@ -202,6 +203,30 @@ def _read(
     own = words_of_lines(seen, word_boxes, line_of_word, len(lines))
     texts = [" ".join(word.text for word in each) for each in own]
     return ReadLines(texts, confidence), own
+
+
+def _sure_words(
+    lines: Sequence[Line], words: Sequence[Word] | None, frame: LevelledFrame
+) -> list[list[ReadWord]]:
+    """The words of every line that were read for sure."""
+    sure = [word for word in words or () if word.confidence >= UNSURE and is_word(word)]
+    found: list[list[ReadWord]] = [[] for _ in lines]
+    boxes = _levelled_boxes(sure, frame)
+    for word, box, line in zip(sure, boxes, assign_words(sure, boxes, _line_boxes(lines)), strict=True):
+        if line >= 0:
+            x0, y0, x1, y1 = box.tolist()
+            found[line].append(ReadWord((x0, y0, x1, y1), sum(map(str.isalnum, word.text))))
+    return found
+
+
+def _levelled_boxes(words: Sequence[Word], frame: LevelledFrame) -> NDArray[np.float64]:
+    """Boxes (N, 4) of words on the levelled working copy."""
+    boxes = np.array([word.box for word in words], dtype=np.float64).reshape(-1, 4)
+    return frame.level(boxes / np.array([*frame.scale, *frame.scale]))
+
+
+def _line_boxes(lines: Sequence[Line]) -> NDArray[np.float64]:
+    return np.array([line.box for line in lines], dtype=np.float64).reshape(-1, 4)
 
 
 def _boxes(rows: _Rows, printed: PrintedPage) -> NDArray[np.float64]:

@@ -34,7 +34,7 @@ def between_words(line_of_word: Indices, is_word: NDArray[np.bool_], boxes: Boxe
 
 
 def assign_words(words: Sequence[Word], boxes: Boxes, lines: Boxes) -> Indices:
-    """Line of every word (words,), -1 for none: the one that shares most of its box.
+    """Line of every word (words,), -1 for none: the one that shares most of its box, the lower one before a higher.
 
     `boxes` (words, 4) and `lines` (lines, 4) in one frame. A word's centre must lie in the line's rows, give
     or take a quarter of its height, and half of the word in its columns.
@@ -49,7 +49,8 @@ def assign_words(words: Sequence[Word], boxes: Boxes, lines: Boxes) -> Indices:
     )
     down = np.minimum(boxes[:, None, 3], lines[None, :, 3]) - np.maximum(boxes[:, None, 1], lines[None, :, 1])
     inside &= across > 0.5 * (boxes[:, 2] - boxes[:, 0])[:, None]
-    shared = np.where(inside, across * np.maximum(down, 1e-3), 0.0)
+    height = np.maximum((lines[:, 3] - lines[:, 1])[None], (boxes[:, 3] - boxes[:, 1])[:, None])
+    shared = np.where(inside, across * np.maximum(down, 1e-3) / np.maximum(height, 1e-3), 0.0)
     best = np.argmax(shared, axis=1)
     return np.where(shared[np.arange(len(words)), best] > 0, best, -1)
 

@@ -12,7 +12,7 @@ LANGUAGES = ("en", "de", "fr", "es", "it", "nl", "pt")
 MOST_CANDIDATES = 12
 """Places of a text that are read as a date; one takes 2 ms. A date's zone has one or two."""
 
-_NUMERIC = re.compile(r"(?<![\w./-])(\d{1,4})\s?([./-])\s?(\d{1,2})\s?\2\s?(\d{1,4})(?![\w/-])")
+_NUMERIC = re.compile(r"(?<![\w./-])(\d{1,4})\s?([./-])\s?(\d{1,2})\s?\2\s?(\d{1,4})(?![\w/-]|\.\d)")
 _MONTH = r"[^\W\d_]{3,12}"
 _NAMED = re.compile(
     r"(?<!\w)(?:"

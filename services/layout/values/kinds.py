@@ -10,13 +10,13 @@ _NUMBER = r"[-−–(]?\d{1,3}(?:[.,'’ \u00a0\u202f]?\d{3})*"
 _SIGN = r"(?:[A-Z]{3}|[^\W\d_]{0,2}[$€£¥₹]|kr|Kč|zł|Fr\.?)"
 
 _WITHIN: tuple[tuple[str, re.Pattern[str]], ...] = (
-    ("date", re.compile(rf"(?<!\d){_DATE}(?!\d)")),
+    ("date", re.compile(rf"(?<!\d)(?<!\d[./-]){_DATE}(?![./-]?\d)")),
     (
         "named-date",
         re.compile(r"\d{1,2}\W{0,3}[^\W\d_]{3,9}\W{0,3}\d{2,4}|[^\W\d_]{3,9}\W{0,2}\d{1,2}\W{1,3}\d{4}"),
     ),
     ("time", re.compile(r"(?<!\d)\d{1,2}:\d{2}(?!\d)")),
-    ("amount", re.compile(r"(?<![\d.,])\d{1,3}(?:[.,' ]?\d{3}){0,3}[.,]\d{2}(?!\d)")),
+    ("amount", re.compile(r"(?<![\d.,])\d{1,3}(?:[.,' ]?\d{3}){0,3}[.,]\d{2}(?![.,]?\d)")),
     ("percent", re.compile(r"\d\s?%")),
     ("currency", re.compile(r"[$€£¥₹₽]|(?<![^\W\d_])(?:[A-Z]{2,3})(?=\s?\d+[.,]\d{2})")),
     ("phone", re.compile(r"(?<![\w.])\+?\(?\d{2,4}\)?[ /-]\d{3}[\d -]{2,10}(?!\w)")),

@@ -53,6 +53,8 @@ def _amounts(text: str, setting: FieldSetting) -> Iterator[tuple[FoundValue, boo
     from price_parser import Price
 
     for match in _AMOUNT.finditer(text):
+        if _is_id(text, match):
+            continue
         price = Price.fromstring(match["number"], decimal_separator=setting.decimal)
         if price.amount is None:
             continue
@@ -62,6 +64,12 @@ def _amounts(text: str, setting: FieldSetting) -> Iterator[tuple[FoundValue, boo
         is_negative = match["inner"] is not None or (closed if opened else match["minus"] is not None)
         value = f"{'-' if is_negative else ''}{price.amount:f}"
         yield FoundValue(value, match.span(), _currency(sign, setting.currency)), sign is not None
+
+
+def _is_id(text: str, match: re.Match[str]) -> bool:
+    """Whether a whole number is tied to letters by a hyphen, as in "CHE-151.853.686"; "CHF-32.00" is an amount."""
+    tied = match["inner"] is not None and text[: match.start("inner")][-1:].isalpha()
+    return tied and re.search(r"[.,]\d{1,2}$", match["number"]) is None
 
 
 def _currency(sign: str | None, expected: str | None) -> str | None:

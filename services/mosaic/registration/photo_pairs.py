@@ -50,6 +50,10 @@ FINER = 1.5
 """Resolution of the third look at unturned views, relative to word scale."""
 HOPELESS = 4
 """Of more photos than this, if no two overlap at word scale, upside down or not, none are searched any finer."""
+LOOKS = (0, COARSER), (0, 1.0), (2, 1.0), (0, FINER), (2, FINER), (1, 1.0), (3, 1.0)
+"""Quarter turns and fineness of the looks."""
+QUICK_LOOKS = LOOKS[:2]
+"""Those at views that are not turned, none finer than words."""
 LARGEST_SCALE = 4.0
 """Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
 RIVAL = 0.5
@@ -77,7 +81,9 @@ CONTRADICTION = 4.0
 one; false ones by at least words or lines."""
 
 
-def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]:
+def register_photos(
+    photos: Sequence[FlatPhoto], looks: Sequence[tuple[int, float]] = LOOKS
+) -> tuple[PairRegistration, ...]:
     """All overlapping pairs, independent of the order of `photos`.
 
     The search starts at half the word scale with the same text direction. Photos in separate parts are then searched at
@@ -94,7 +100,6 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
     pairs: dict[tuple[int, int], PairRegistration] = {}
     sure: dict[tuple[int, int], PairRegistration] = {}
     promises: dict[tuple[int, int, int], int] = {}
-    looks = (0, COARSER), (0, 1.0), (2, 1.0), (0, FINER), (2, FINER), (1, 1.0), (3, 1.0)
     for number, (turns, fineness) in enumerate(looks):
         apart = _apart(order, pairs, number)
         if number > 0:

@@ -43,6 +43,11 @@ PICTURE_SHARE = 0.8
 """On a page of dark print a smaller share of the ink is rejected as no text. On pictures, and on light print in a dark
 photo, a larger share is."""
 
+GROUND_TEXT_HEIGHTS = 1.5
+"""Of the ground round a character, to each side."""
+BARE_PAPER = 220
+"""Least gray level of bare paper in even light, which is 255 but for grain and shadows."""
+
 NO_DIRECTION = "the characters that were found do not form text lines of a common direction."
 MARGIN_TEXT_HEIGHTS = 5.0
 """Round the text, in the image for strokes: nearly a block of the minor flow."""
@@ -191,7 +196,22 @@ def _analyse(
             return found[0]
     if not found:
         raise refusals[0]
-    return min(found, key=lambda pages: pages[0].text.rejected_fraction)
+    return max(found, key=lambda pages: _ground_share(pages[0]))
+
+
+def _ground_share(page: PageAnalysis) -> float:
+    """How much of the ground round the characters is bare paper, 0 to 1.
+
+    Print is little ink on much ground. In the negative of dark print the gaps in and between letters are taken for
+    characters, and the ground round them is neither paper nor even.
+    """
+    height, width = page.reduced.shape
+    x, y = np.clip(np.rint(page.text.components.centres).astype(np.intp), 0, (width - 1, height - 1)).T
+    near = np.zeros((height, width), np.uint8)
+    near[y, x] = 1
+    window = 2 * round(GROUND_TEXT_HEIGHTS * page.text.text_height_px) + 1
+    around = cv2.dilate(near, np.ones((window, window), np.uint8)).astype(np.bool_)
+    return float(np.mean(page.reduced[around] >= BARE_PAPER))
 
 
 def _with_positive(page: PageAnalysis, photo: RgbImage | Halves) -> PageAnalysis:

@@ -4,6 +4,9 @@ from typing import Literal
 
 import cv2
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from services.arrays import Mask
 from services.geometry.homographies import to_resized
@@ -11,6 +14,14 @@ from services.rectify.analysis.page_analysis import PageAnalysis
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.tracing.level_rows import shows_print
 
+FEWEST_ROWS = 3
+"""Of print that go on beyond an outline; one or two end in the grain of a desk."""
+LONGEST_STEP = 1.6
+"""Text heights between the middles of characters of a word, small spaces between words included."""
+LEVEL = 0.4
+"""Text heights by which neighbours in a row stand above each other."""
+LEAST_HELD = 3
+"""Characters of such a row on the sheet."""
 MOST_BESIDE = 0.03
 """Share of the characters beside the sheet up to which they are specks, which disturb nothing."""
 
@@ -18,8 +29,9 @@ MOST_BESIDE = 0.03
 def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal["texture", "print"] | None:
     """What the text of `analysis` outside of `outline` is, where it matters; None where it does not.
 
-    Texture beside a believed sheet is that of a desk. Print is told where it is most of the text: then the outline is
-    no end of the sheet. So may the border of a picture be, with the page's text above and below it.
+    Texture beside a believed sheet is that of a desk. Print is told where it is most of the text, or goes on in rows
+    from the sheet: then the outline is no end of the sheet. So may the border of a picture be, with the page's text
+    above and below it, or that of a shadow.
     """
     if outline is None:
         return None
@@ -28,10 +40,28 @@ def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal
     is_most = inside < 0.5
     if not is_believed and not is_most:
         return None
+    if crossing_rows(analysis, outline) >= FEWEST_ROWS:
+        return "print"
     beside = _ink_beside(analysis, outline)
     if shows_print(beside) or shows_print(np.ascontiguousarray(beside.T)):
         return "print" if is_most else None
     return "texture" if is_believed else None
+
+
+def crossing_rows(analysis: PageAnalysis, outline: SheetOutline) -> int:
+    """Number of rows of characters that go on beyond `outline`: steps along the text's lines lead there."""
+    characters, height_px = analysis.characters, analysis.text_height_px
+    first, second = cKDTree(characters).query_pairs(LONGEST_STEP * height_px, output_type="ndarray").T
+    angles = analysis.major_field.at(characters[first])
+    step = characters[second] - characters[first]
+    across = np.abs(step[:, 1] * np.cos(angles) - step[:, 0] * np.sin(angles))
+    in_row = across < LEVEL * height_px
+    count = len(characters)
+    links = coo_array((np.ones(in_row.sum()), (first[in_row], second[in_row])), shape=(count, count))
+    number, row = connected_components(links, directed=False)
+    inside = outline.holds(characters)
+    held, beyond = (np.bincount(row, part, minlength=number) for part in (inside, ~inside))
+    return int(np.sum((held >= LEAST_HELD) & (beyond > 0)))
 
 
 def _ink_beside(analysis: PageAnalysis, outline: SheetOutline) -> Mask:

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, RgbImage
-from services.geometry.page_frame import Frame, resize_frame
+from services.geometry.page_frame import Frame, mesh_of, resize_frame, turn_against_photo
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
 from services.notices import Notice
 from services.ocr.engine import DirectionDetector, OcrEngine, ReadDirection
-from services.ocr.text_lines import TextLine, TextLines, cut_line, detect_text_lines
+from services.ocr.text_lines import PageLines, TextLine, TextLines, cut_line, detect_text_lines
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.results import Orientation
@@ -89,7 +89,7 @@ class _Way:
     mirrored: bool
 
 
-def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
+def estimate_orientation(flat: GrayImage, ocr: OcrEngine, lies_deg: int = 0) -> Orientation:
     """Estimate the turn (and flip) after which a flat page can be read.
 
     Up to three line crops are read upright. If none reads evidently, one is read in both orientations of the rows and
@@ -102,14 +102,26 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
         (H, W) uint8, flat-fielded.
     ocr
         Reads line crops.
+    lies_deg
+        The turn after which the page lies as in the photo: photos are upright more often than not.
 
     Returns
     -------
     Orientation
         Its confidence is at least 0.5 if one orientation can be read and the others cannot. Otherwise (blank pages,
-        handwriting, a script that the engine does not know) it is lower, and nothing is turned.
+        handwriting, a script that the engine does not know) it is lower, and the page is turned as it lies in the
+        photo, unless its lines are clear and would not be level then.
     """
     lines = detect_text_lines(flat)
+    found = _read_orientation(flat, lines, ocr, lies_deg)
+    if (found.confidence or 0.0) >= LEAST_CONFIDENCE:
+        return found
+    is_level = lines.rows.mass >= CLEAR_MASS and lines.columns.mass < CLEAR_AXIS * lines.rows.mass
+    return Orientation(0 if is_level and lies_deg % 180 else lies_deg, False, found.confidence)
+
+
+def _read_orientation(flat: GrayImage, lines: PageLines, ocr: OcrEngine, lies_deg: int) -> Orientation:
+    """`estimate_orientation` by what is read; below its least confidence only that is of use."""
     rows = _LineReader(flat, lines.rows, 0, ocr)
     engine = _PageDetection(flat, ocr)
     # A flat page has been turned until its lines run along the rows: mostly these can be read.
@@ -129,8 +141,11 @@ def estimate_orientation(flat: GrayImage, ocr: OcrEngine) -> Orientation:
     if (plain.confidence or 0.0) < CERTAIN_CONFIDENCE and not engine.is_sure:
         is_unread = (plain.confidence or 0.0) < LEAST_CONFIDENCE
         found = _decide(axes[: 1 if ratio < CERTAIN_AXIS else 2], (False, True), is_unread=is_unread)
-    if (found.confidence or 0.0) < LEAST_CONFIDENCE:
-        return engine.answer(plain) or found
+    # Letters are read into other scripts, and photos are upright more often than not.
+    least = LEAST_CONFIDENCE if found.rotation_deg == lies_deg else CERTAIN_CONFIDENCE
+    confidence = found.confidence or 0.0
+    if confidence < least:
+        return engine.answer(plain) or Orientation(0, False, confidence * LEAST_CONFIDENCE / least)
     return found
 
 
@@ -336,7 +351,10 @@ def orient_page(
     photo: RgbImage, analysis: PageAnalysis | None, frame: Frame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
     """Orientation of the flat view, and a notice if it is unknown."""
-    return tell_orientation(lambda: draw_for_reading(photo, analysis, frame), ocr)
+    turned_deg = turn_against_photo(mesh_of(frame, 9, 9))
+    return tell_orientation(
+        lambda: draw_for_reading(photo, analysis, frame), ocr, -90 * round(turned_deg / 90) % 360
+    )
 
 
 def draw_for_reading(photo: RgbImage, analysis: PageAnalysis | None, frame: Frame) -> GrayImage:
@@ -350,15 +368,18 @@ def draw_for_reading(photo: RgbImage, analysis: PageAnalysis | None, frame: Fram
 
 
 def tell_orientation(
-    draw: Callable[[], GrayImage], ocr: OcrEngine | None
+    draw: Callable[[], GrayImage], ocr: OcrEngine | None, lies_deg: int = 0
 ) -> tuple[Orientation, Notice | None]:
-    """Orientation of the flat-fielded view that `draw` returns, and a notice if it is unknown."""
+    """Orientation of the flat-fielded view that `draw` returns, and a notice if it is unknown.
+
+    `lies_deg`: see `estimate_orientation`.
+    """
     if ocr is None:
         return Orientation(0, False, None), Notice(
             "ocr-unavailable",
             "no OCR engine is installed, so the page may be upside down; send rotate if it is.",
         )
-    orientation = estimate_orientation(draw(), ocr)
+    orientation = estimate_orientation(draw(), ocr, lies_deg)
     if (orientation.confidence or 0.0) < 0.5:
         return orientation, Notice(
             "orientation-unknown",

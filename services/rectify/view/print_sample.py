@@ -19,7 +19,8 @@ def sample_print(page: ShapedPage) -> PrintSample | None:
     on_page = page.on_page if seen is page.analysis else np.ones(len(seen.characters), bool)
     if np.count_nonzero(on_page) < FEWEST_CHARACTERS:
         return None
-    return PrintSample(seen.characters[on_page], (print_heights(seen.text) / seen.factor)[on_page])
+    is_light = page.analysis is not None and page.analysis.positive is not None
+    return PrintSample(seen.characters[on_page], (print_heights(seen.text) / seen.factor)[on_page], is_light)
 
 
 def print_heights(text: IdentifiedText) -> Vector:

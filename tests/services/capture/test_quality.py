@@ -54,6 +54,25 @@ def test_contrast_is_that_of_ink_and_paper(ink: int) -> None:
     assert (quality.glare_fraction, quality.shadow_fraction) == (0.0, 0.0)
 
 
+def test_light_print_has_the_figures_of_its_negative() -> None:
+    image = np.full((600, 600), 235, np.uint8)
+    centres = characters_on(image)
+    heights = np.full(len(centres), HEIGHT_PX)
+    image = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.5), np.uint8)
+    of_dark, of_light = (
+        measured(image, centres),
+        measure_quality(255 - image, centres, heights, is_light=True),
+    )
+    assert of_light == of_dark
+    assert measured(255 - image, centres) != of_dark
+    # Dark paper round light print is no shadow.
+    image[:, :300] = 240
+    apart = np.array([each for each in centres if each[0] > 330])
+    half = measure_quality(255 - image, apart, heights[: len(apart)], is_light=True)
+    assert half is not None
+    assert half.shadow_fraction == 0.0
+
+
 def test_the_least_height_is_that_of_the_farthest_print() -> None:
     image = np.full((600, 600), 230, np.uint8)
     centres = np.repeat(characters_on(image), 10, axis=0)

@@ -5,9 +5,11 @@ from services.text.arrangement import rows_of
 from services.text.page_text import PageText, ReadLine, TextBlock
 
 
-def word(text: str, left: float, top: float, width: float = 80.0, height: float = 30.0) -> Word:
-    """A word whose box begins at (left, top)."""
-    return Word(text, (left, top, left + width, top + height), 0.9)
+def word(
+    text: str, left: float, top: float, width: float = 80.0, height: float = 30.0, line: int | None = None
+) -> Word:
+    """A word whose box begins at (left, top), in a `line` of the engine."""
+    return Word(text, (left, top, left + width, top + height), 0.9, line)
 
 
 def line(top: float, *texts: str, left: float = 100.0) -> ReadLine:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.ocr.engine import Word
-from services.text.arrangement import Region, arrange_words
+from services.text.arrangement import Region, arrange_words, rows_of
 from services.text.page_text import is_right_to_left, join_words
 from services.text.photo_places import locate_boxes, locate_points
 from tests.services.text.pages import rows_of_words, word
@@ -127,3 +127,45 @@ def test_a_line_without_a_zone_comes_after_what_lies_above_it() -> None:
     words = [numbered("head", 0, 0, 0), numbered("foot", 1, 0, 300), numbered("loose", 2, 0, 100)]
     regions = [Region(word.box, 30.0, (word.box,)) for word in words[:2]]
     assert texts(arrange_words(words, regions)) == [["head"], ["loose"], ["foot"]]
+
+
+def _table(*rows: tuple[str, int, str, int]) -> list[Word]:
+    """Entries at the left and values at `x`, each a line of the engine."""
+    words = []
+    for number, (entry, y, value, x) in enumerate(rows):
+        words += [word(text, 100 * k, y, line=2 * number) for k, text in enumerate(entry.split())]
+        words += [word(text, x + 100 * k, y + 2, line=2 * number + 1) for k, text in enumerate(value.split())]
+    return words
+
+
+def test_a_row_with_an_amount_is_where_its_words_are() -> None:
+    words = [word("Bar", 0, 0, line=0), word("1.165,40", 700, 0, line=0), word("Danke", 0, 100, line=1)]
+    regions = [Region((-10, -10, 100, 140), 30.0, ()), Region((690, -10, 800, 40), 30.0, ())]
+    assert texts(arrange_words(words, regions)) == [["Bar 1.165,40", "Danke"]]
+
+
+def test_values_of_a_column_are_read_by_rows() -> None:
+    rows = [("Beeswax XL", 0, "1.00 42.00 EUR", 700), ("Office chair", 100, "2.00 70.00 EUR", 700)]
+    words = [
+        *_table(*rows),
+        *[word(text, 100 * k, 50, line=9) for k, text in enumerate(["made", "of", "wax"])],
+    ]
+    regions = [Region((-10, -10, 600, 150), 30.0, ()), Region((690, -10, 1100, 150), 30.0, ())]
+    assert texts(arrange_words(words, regions)) == [
+        ["Beeswax XL 1.00 42.00 EUR", "made of wax", "Office chair 2.00 70.00 EUR"]
+    ]
+
+
+def test_a_value_in_the_gap_of_a_row_is_of_that_row() -> None:
+    words = [word("Kart", 0, 0, line=0), word("21%", 500, 0, line=1), word("44,99", 700, 1, line=1)]
+    words += [word("1", 300, 2, 20, line=2), word("€44", 360, 2, 80, line=2)]
+    (line,) = rows_of([words[:1], words[1:3], words[3:]])
+    assert line.text == "Kart 1 €44 21% 44,99"
+
+
+def test_values_beside_prose_are_of_another_column() -> None:
+    prose = " ".join(f"w{index}" for index in range(8))
+    rows = [(prose, 60 * k, f"{k}.00 {k}.50", 1000) for k in range(4)]
+    regions = [Region((-10, -10, 900, 300), 30.0, ()), Region((990, -10, 1300, 300), 30.0, ())]
+    found = texts(arrange_words(_table(*rows), regions))
+    assert found == [[prose] * 4, [f"{k}.00 {k}.50" for k in range(4)]]

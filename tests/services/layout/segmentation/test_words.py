@@ -104,3 +104,18 @@ def test_an_entry_with_a_near_value_shows_the_list_of_a_lone_label() -> None:
     ]
     assert rows_of(texts) == ["TO: Hannah Whitfield", "PAGES: 12", "FAX: 555 12"]
     assert rows_of(texts[:2]) != ["TO: Hannah Whitfield"]
+
+
+def test_grain_beside_the_paper_does_not_join_two_rows() -> None:
+    texts = [
+        (300, 300 + 44 * row, text)
+        for row, text in enumerate(
+            ["Bahnhofstrasse 17", "5722 Winterthur", "Telefon 062 842", "info at shop"]
+        )
+    ]
+    page = written(*texts)
+    for place, x in enumerate(range(255, 290, 9)):  # strokes as high as letters, each a little lower
+        cv2.line(page, (x, 268 + 14 * place), (x, 296 + 14 * place), 40, 2)
+    lines = "\n".join(zone.text for zone in segment_page(page, read(texts)).zones).split("\n")
+    for _, _, text in texts:
+        assert text in lines

@@ -29,6 +29,7 @@ TYPES: tuple[FieldType, ...] = ("date", "amount", "integer", "email", "phone", "
         ("1998-03-12", "1998-03-12"),
         ("13/03/2024", "2024-03-13"),
         ("03/03/2024", "2024-03-03"),
+        ("seen on 03.03.2024.", "2024-03-03"),
     ],
 )
 def test_dates_of_many_kinds(text: str, value: str) -> None:
@@ -43,6 +44,8 @@ def test_dates_of_many_kinds(text: str, value: str) -> None:
         ("January 1998", "no-value"),
         ("June 31, 1999", "no-value"),
         ("Tel. 617-253-1000", "no-value"),
+        ("05.22.95.66.66", "no-value"),
+        ("192.168.12.15", "no-value"),
     ],
 )
 def test_a_text_without_one_date_has_no_value(text: str, problem: str) -> None:
@@ -65,6 +68,8 @@ def test_the_order_decides_numeric_dates() -> None:
         ("Rs. 1,00,000.00", "100000.00", None),
         ("(1,200.00)", "-1200.00", "USD"),
         ("$ -12", "-12", "USD"),
+        ("CHF-32.00", "-32.00", "CHF"),
+        ("CHE-151.853.686 MWST", None, None),
         ("12,50 and 13,00", None, None),
     ],
 )

@@ -1,5 +1,8 @@
 """What the analysis of a photo sees: characters, samples in photo pixels, and photos without text."""
 
+from dataclasses import replace
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -7,9 +10,10 @@ import pytest
 from services.errors import NoText
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import Halves, reduce_image
+from services.rectify.analysis import page_analysis
 from services.rectify.analysis.found_text import AnalysisParameters, characters_in_photo, region_mask
-from services.rectify.analysis.page_analysis import analyse_photo
+from services.rectify.analysis.page_analysis import PageAnalysis, analyse_photo
 from services.texture_flow.text_identification import identify_text
 from simulation.flat_page import Page
 from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album, errors_deg
@@ -103,6 +107,27 @@ def test_light_print_on_dark_paper_is_seen_as_its_negative(album: Album) -> None
     assert negative.positive is not None
     assert negative.positive.shape == negative.reduced.shape
     assert errors_deg(negative.major_field.at(points), shot.truth.major_flow(points)).mean() < 0.2
+
+
+@pytest.mark.parametrize("name", ["frontal", "dirty"])
+def test_where_most_ink_is_no_text_the_ground_tells_dark_from_light_print(
+    album: Album, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_analysis, "PICTURE_SHARE", -1.0)  # as if: both signs are analysed
+    photo = album[name].photo.image
+    assert analyse_photo(photo).positive is None
+    assert analyse_photo(255 - photo).positive is not None
+    # As if a textured desk were more of the ink than all print, and gaps between letters were characters.
+    analyse = page_analysis._analyse_dark_print
+
+    def with_desk(seen: Halves, *args: Any, **options: Any) -> tuple[PageAnalysis, ...]:
+        page = analyse(Halves(photo), *args, **options)[0]
+        if np.array_equal(seen.image, photo):
+            return (replace(page, text=replace(page.text, rejected_fraction=0.9)),)
+        return (replace(page, reduced=255 - page.reduced, text=replace(page.text, rejected_fraction=0.85)),)
+
+    monkeypatch.setattr(page_analysis, "_analyse_dark_print", with_desk)
+    assert analyse_photo(photo).positive is None
 
 
 def test_only_the_region_is_looked_at(album: Album) -> None:

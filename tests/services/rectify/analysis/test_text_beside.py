@@ -77,3 +77,12 @@ def test_grain_beside_a_believed_sheet_is_texture(confidence: float, found: str 
     photo = notepad_on_grain()
     analysis, outline = analyse_photo(photo), outline_between(Halves(photo), SHEET)
     assert text_beside(analysis, replace(outline, confidence=confidence)) == found
+
+
+@pytest.mark.parametrize(("right", "beside"), [(994, None), (800, "print"), (700, "print")])
+def test_an_outline_that_rows_of_print_cross_is_no_end_of_the_sheet(right: int, beside: str | None) -> None:
+    """As the shadow beside a book's gutter may be, which leaves the ends of all lines on its other side."""
+    photo = page_round_a_picture()
+    corners = np.array([[5, 5], [right, 5], [right, 1194], [5, 1194]], np.float64)
+    outline = outline_between(Halves(photo), corners)
+    assert text_beside(analyse_photo(photo), replace(outline, confidence=0.95)) == beside

@@ -163,6 +163,28 @@ def test_unreadable_page_is_left_as_it_is_with_low_confidence(
         assert reader.reads <= 18 * 8
 
 
+@pytest.mark.parametrize("lies_deg", [0, 90, 180, 270])
+def test_unreadable_page_stays_as_it_lies_in_the_photo_if_its_lines_are_level_there(lies_deg: int) -> None:
+    unread = FlagReader(good=("abcde fghij", 0.35), poor=("abcde fghij", 0.35))
+    of_print = estimate_orientation(page_of_flags(), unread, lies_deg)
+    assert of_print.rotation_deg == (0 if lies_deg in (90, 270) else lies_deg)
+    picture = estimate_orientation(np.full((200, 300), 128, np.uint8), unread, lies_deg)
+    assert picture.rotation_deg == lies_deg
+    assert (of_print.confidence or 0.0) < 0.5
+    assert picture.confidence == 0.0
+
+
+def test_a_page_is_turned_against_its_photo_only_for_certain() -> None:
+    doubtful = FlagReader(good=(30 * "F", 0.66), poor=(30 * "d", 0.42))
+    page = laid(page_of_flags(), WAYS[2])
+    as_it_lies = estimate_orientation(page, doubtful, WAYS[2].rotation_deg)
+    assert as_it_lies.rotation_deg == WAYS[2].rotation_deg
+    assert 0.5 <= (as_it_lies.confidence or 0.0) < 0.7
+    against = estimate_orientation(page, doubtful, 0)
+    assert against.rotation_deg == 0
+    assert (against.confidence or 0.0) < 0.5
+
+
 @pytest.mark.parametrize("turned_deg", [0, 90, 180, 270])
 def test_direction_of_an_unknown_script_is_asked_of_the_engine(turned_deg: int) -> None:
     reader = DirectedReader(good=("abcdef", 0.3), poor=("abcdef", 0.3))
