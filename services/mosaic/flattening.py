@@ -12,7 +12,7 @@ from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
-from services.imaging.reduction import LARGEST_STEP, reduce_image
+from services.imaging.reduction import LARGEST_STEP, reduce_exactly, reduce_image
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.notices import Notice
 from services.rectify.analysis.focal_length import requested_prior
@@ -172,7 +172,7 @@ def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float,
     gray = luminance(photo)
     usual = float(np.median(scales))
     factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
-    view = draw_gray_view(reduce_image(gray, factor), factor, frame)
+    view = draw_gray_view(*reduce_exactly(gray, factor), frame)
     flat_height_px = text_height_px / usual
     return FlatPhoto(
         index,

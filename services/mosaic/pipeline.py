@@ -51,7 +51,7 @@ from services.progress import report_progress
 from services.rectify.analysis.found_text import STROKE_TEXT_HEIGHT_PX
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.orientation import tell_orientation
+from services.rectify.view.orientation import apply_orientation, tell_orientation
 
 FLATTENED = 0.4
 STAGE_BEGINS = {
@@ -146,7 +146,7 @@ def mosaic(
         *unplaced_notices([index for index in unplaced if index not in repeats], textless, pairs),
     ]
     return MosaicResult(
-        turn_image(page, orientation),
+        apply_orientation(page, orientation),
         part.base,
         patches,
         describe_pairs(flats, part),
@@ -268,9 +268,3 @@ def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
     """The page in gray, flat-fielded, at the size for text recognition."""
     factor = min(1.0, STROKE_TEXT_HEIGHT_PX / text_height_px)
     return flatten_illumination(reduce_image(luminance(page), factor), text_height_px * factor)
-
-
-def turn_image(page: RgbImage, orientation: Orientation) -> RgbImage:
-    """`page`, mirrored left to right if needed, then rotated clockwise."""
-    flipped = page[:, ::-1] if orientation.mirrored else page
-    return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90)))
