@@ -35,9 +35,13 @@ def scaling(s: float) -> Homography:
     return np.diag([s, s, 1.0])
 
 
-def resizing(factor: float) -> Homography:
-    """Homography from an image to the image resized by `factor`: pixel centres map to (x + 0.5) factor - 0.5."""
-    return np.array([[factor, 0.0, 0.5 * factor - 0.5], [0.0, factor, 0.5 * factor - 0.5], [0.0, 0.0, 1.0]])
+def resizing(factor: float | Vector) -> Homography:
+    """Homography from an image to the image resized by `factor`, or by one factor for each axis.
+
+    Pixel centres map to (x + 0.5) factor - 0.5.
+    """
+    across, down = np.broadcast_to(factor, 2)
+    return np.array([[across, 0.0, 0.5 * across - 0.5], [0.0, down, 0.5 * down - 0.5], [0.0, 0.0, 1.0]])
 
 
 def to_resized(points: Floats, factor: float | Vector) -> Floats:

@@ -154,6 +154,11 @@ def turn_against_photo(mesh: Floats) -> float:
     return float(np.degrees(-turned) % 360)
 
 
+def turn_as_in_photo(turned_deg: float) -> int:
+    """The turn in right angles after which a view that is turned by `turned_deg` against its photo lies as it does."""
+    return -90 * round(turned_deg / 90) % 360
+
+
 def fill_unknown(mesh: Floats) -> Floats:
     """`mesh` (rows, columns, 2) with the nearest known node's point where a node is not finite."""
     unknown = ~np.isfinite(mesh).all(axis=-1)

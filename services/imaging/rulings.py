@@ -27,10 +27,12 @@ def without_grids(page: GrayImage) -> GrayImage:
     if min(level_px, upright_px) < 8 or height < 2 * upright_px:
         return page
     paper = int(np.median(page[::8, ::8]))
-    dark = (page < paper - _DARK).astype(np.uint8)
-    level = np.asarray(cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((1, level_px), np.uint8)), np.uint8)
-    upright = np.asarray(cv2.morphologyEx(dark, cv2.MORPH_OPEN, np.ones((upright_px, 1), np.uint8)), np.uint8)
-    if not level.any() or not upright.any():
+    dark = np.asarray(cv2.inRange(page, -1.0, paper - _DARK - 1.0), np.uint8)
+    level = _long_runs(dark, level_px)
+    if level is None:
+        return page
+    upright = _long_runs(dark, upright_px, down=True)
+    if upright is None:
         return page
     rules = _grids(level, upright)
     if not rules.any():
@@ -41,23 +43,53 @@ def without_grids(page: GrayImage) -> GrayImage:
     return cleaned
 
 
+def _long_runs(dark: NDArray[np.uint8], length: int, *, down: bool = False) -> NDArray[np.uint8] | None:
+    """The parts of `dark` (H, W), 0 or 255, that are this long across, or `down`; at its ends half of it is enough.
+
+    None if there are none. Only rows, or columns, are opened in which two quarters of the length are dark in one piece,
+    or the last one before the end: few are, and to open a page of 12 megapixels takes 10 to 70 ms.
+    """
+    quarter = max(length // 4, 1)
+    size = (dark.shape[1], dark.shape[0] // quarter) if down else (dark.shape[1] // quarter, dark.shape[0])
+    whole = dark[: size[1] * quarter] if down else dark[:, : size[0] * quarter]
+    is_dark = cv2.resize(whole, size, interpolation=cv2.INTER_AREA) == 255
+    is_dark = is_dark if down else is_dark.T
+    lines = np.flatnonzero((is_dark[1:] & is_dark[:-1]).any(axis=0) | is_dark[-1])
+    at = np.s_[:, lines] if down else np.s_[lines]
+    kernel = np.ones((length, 1) if down else (1, length), np.uint8)
+    runs = np.zeros_like(dark)
+    if len(lines):
+        runs[at] = cv2.morphologyEx(np.ascontiguousarray(dark[at]), cv2.MORPH_OPEN, kernel)
+    return runs if cv2.countNonZero(runs) else None
+
+
 def _grids(level: NDArray[np.uint8], upright: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The rules (H, W) that belong to grids: connected ones of which enough are level and enough upright."""
-    joined = cv2.dilate(level | upright, np.ones((3, 3), np.uint8))
-    count, groups = cv2.connectedComponents(joined, connectivity=8)
-    of_pixels = np.asarray(groups, np.int32)
-    levels, uprights = _rules_of(level, of_pixels, count), _rules_of(upright, of_pixels, count)
+    found = np.asarray(cv2.bitwise_or(level, upright), np.uint8)
+    x, y, width, height = cv2.boundingRect(found)
+    part = np.s_[y : y + height, x : x + width]
+    joined = cv2.dilate(found[part], np.ones((3, 3), np.uint8))
+    count, numbers = cv2.connectedComponents(joined, connectivity=8)
+    groups = np.asarray(numbers, np.int32)
+    levels, uprights = (_rules_of(rules[part], groups, count) for rules in (level, upright))
     is_grid = (levels >= _FEWEST_LEVEL) & (uprights >= _FEWEST_UPRIGHT)
-    is_grid[0] = False
-    return np.asarray((level | upright) * is_grid[of_pixels], np.uint8)
+    if not is_grid.any():
+        return np.zeros_like(level)
+    rows, columns = _pixels(found[part])
+    found[y + rows, x + columns] = is_grid[groups[rows, columns]]
+    return found
 
 
 def _rules_of(rules: NDArray[np.uint8], groups: NDArray[np.int32], count: int) -> NDArray[np.intp]:
-    """How many rules each of `count` groups has."""
-    number, own, stats, _ = cv2.connectedComponentsWithStats(rules, connectivity=8)
-    found = np.zeros(count, np.intp)
-    for rule in range(1, number):
-        x, y, w, h = stats[rule, :4]
-        group = groups[y : y + h, x : x + w][own[y : y + h, x : x + w] == rule]
-        found[int(group[0])] += 1
-    return found
+    """How many rules each of `count` groups has; all of a rule is in one group."""
+    _, own = cv2.connectedComponents(rules, connectivity=8)
+    at = _pixels(rules)
+    _, first = np.unique(own[at], return_index=True)
+    return np.bincount(groups[at][first], minlength=count)
+
+
+def _pixels(mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Rows and columns (N,) of the pixels of `mask` that are not 0; OpenCV finds them in an eighth of NumPy's time."""
+    found = cv2.findNonZero(np.ascontiguousarray(mask))
+    at = np.zeros((0, 2), np.int32) if found is None else np.asarray(found, np.int32).reshape(-1, 2)
+    return at[:, 1], at[:, 0]

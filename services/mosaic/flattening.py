@@ -8,12 +8,13 @@ import numpy as np
 from services.arrays import Floats, GrayImage, Mask, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
-from services.geometry.focal_prior import typical_focal_prior
+from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
-from services.imaging.reduction import LARGEST_STEP, reduce_image
+from services.imaging.reduction import LARGEST_STEP, reduce_exactly, reduce_image
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
+from services.notices import Notice
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.pipeline import find_page
@@ -62,40 +63,69 @@ def flatten_photo(
     )
     page = find_page(photo, known, exif_focal_length_px, clock, needs_text=True)
     with clock.stage("framing"):
-        page, frame, end, flatness = _flattest(page)
-        flat = view_photo(index, photo, frame, page.text_height_px, float(len(page.characters)))
-    notices = tuple(notice for notice in page.notices if notice.code == "curved-page")
-    error_percent = None if flatness is None else flatness.error_percent
-    if flatness is not None and not flatness.passes:
-        notices = (*notices, not_flat(flatness.error_percent))
+        seen = flattest_view(page)
+        page = seen.page
+        flat = view_photo(index, photo, seen.frame, page.text_height_px, float(len(page.characters)))
     prior = requested_prior(page.view, known, exif_focal_length_px)
     if (
         page.shape.focal_source != prior.source
     ):  # the page contradicts it, or showed it better than a typical one
         prior = typical_focal_prior()
-    analysis = page.analysis
-    assert analysis is not None
-    seen = SeenPage(page.shape, analysis.evidence(page.view), prior)
-    return replace(flat, notices=notices, sheet=end.around, error_percent=error_percent, page=seen)
+    return replace(
+        flat,
+        notices=seen.notices,
+        sheet=seen.end.around,
+        error_percent=seen.error_percent,
+        page=see_page(page, prior),
+    )
 
 
-def _flattest(page: ShapedPage) -> tuple[ShapedPage, Frame, PaperEnd, Flatness | None]:
-    """`page`, or the same by its next shape where the first is not flat and the second clearly is flatter."""
-    frame, end, flatness = _judged(page)
-    if flatness is not None and not flatness.passes:
+def see_page(page: ShapedPage, prior: FocalPrior) -> SeenPage:
+    """What later steps need of a `page` that has text; `prior` is that of the focal length."""
+    assert page.analysis is not None
+    return SeenPage(page.shape, page.analysis.evidence(page.view), prior)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlatView:
+    """A page by the shape that was chosen, the frame of its view, where its paper ends, and how flat the view is."""
+
+    page: ShapedPage
+    frame: Frame
+    end: PaperEnd
+    flatness: Flatness | None
+
+    @property
+    def error_percent(self) -> float | None:
+        """RMS error of the view to expect, percent of its width; None where nothing shows it."""
+        return None if self.flatness is None else self.flatness.error_percent
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """What a person should know of the shape and of the view."""
+        notices = tuple(notice for notice in self.page.notices if notice.code == "curved-page")
+        if self.flatness is None or self.flatness.passes:
+            return notices
+        return (*notices, not_flat(self.flatness.error_percent))
+
+
+def flattest_view(page: ShapedPage) -> FlatView:
+    """The view of `page`, or by its next shape where the first is not flat and the second clearly is flatter."""
+    view = _judged(page)
+    if view.flatness is not None and not view.flatness.passes:
         other = next(page.others, None)
         if other is not None:
             again = _judged(other)
-            if is_flatter(other, again[2], page, flatness):
-                return other, *again
-    return page, frame, end, flatness
+            if is_flatter(other, again.flatness, page, view.flatness):
+                return again
+    return view
 
 
-def _judged(page: ShapedPage) -> tuple[Frame, PaperEnd, Flatness | None]:
-    """The frame of `page`, not cut, where its paper ends, and how flat the view is."""
+def _judged(page: ShapedPage) -> FlatView:
+    """The view of `page`, not cut, and how flat it is."""
     end = find_paper_end(page, "sheet", sheet_print(page))
     frame = page.frame(end.reach, "sheet")
-    return frame, end, measure_flatness(page, frame)
+    return FlatView(page, frame, end, measure_flatness(page, frame))
 
 
 def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
@@ -123,6 +153,15 @@ def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
         )
 
 
+def view_unchanged(flat: FlatPhoto) -> FlatPhoto:
+    """The photo of `flat` as its own view."""
+    height, width = flat.photo.shape[:2]
+    as_it_is = FlatFrame(np.eye(3), width, height)
+    own_px = flat.text_height_px / flat.native_scale
+    text_height_px = own_px if flat.page is None else flat.page.text_height_px
+    return view_photo(flat.index, flat.photo, as_it_is, text_height_px, flat.weight)
+
+
 def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float) -> FlatPhoto:
     """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
     p = FlatteningParameters()
@@ -133,7 +172,7 @@ def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float,
     gray = luminance(photo)
     usual = float(np.median(scales))
     factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
-    view = draw_gray_view(reduce_image(gray, factor), factor, frame)
+    view = draw_gray_view(*reduce_exactly(gray, factor), frame)
     flat_height_px = text_height_px / usual
     return FlatPhoto(
         index,

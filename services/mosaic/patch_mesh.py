@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from services.arrays import Floats, Points
+from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import denominators, transform_points
-from services.geometry.page_frame import fill_unknown
+from services.geometry.page_frame import fill_unknown, turn_against_photo, turn_as_in_photo
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
 
+_STEP_PX = 8.0
+"""To each side of a photo's middle, where the turn of the page against it is measured."""
 LARGEST_REACH = 3.0
 """Largest distance of a photo's point from the view, in sizes of the view. Points farther out are near the horizon."""
 
@@ -22,6 +24,15 @@ def mesh_of_patch(photo: FlatPhoto, placement: Placement, columns: int = 49, row
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     mesh = placement.to_mosaic(flat_points(photo, grid))
     return fill_unknown(mesh.reshape(rows, columns, 2))
+
+
+def turn_as_in_patch(photo: FlatPhoto, placement: Placement, H_page_mosaic: Homography) -> int:
+    """The turn after which the page lies as in a photo, by its middle."""
+    height, width = photo.photo.shape[:2]
+    x, y = (side / 2 + np.array([-_STEP_PX, 0.0, _STEP_PX]) for side in (width, height))
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    page = transform_points(H_page_mosaic, placement.to_mosaic(flat_points(photo, grid)))
+    return turn_as_in_photo(-turn_against_photo(fill_unknown(page.reshape(3, 3, 2))))
 
 
 def flat_points(photo: FlatPhoto, points: Points) -> Points:

@@ -38,17 +38,20 @@ from services.mosaic.joined_page import AS_JOINED, flatten_joined
 from services.mosaic.light.hidden_parts import HiddenPart
 from services.mosaic.light.tone_matching import match_tones
 from services.mosaic.page_cropping import crop_page, find_page_crop, see_sheet
+from services.mosaic.patch_mesh import turn_as_in_patch
 from services.mosaic.placed_photo import PlacedPhoto
-from services.mosaic.placing.placed_part import PlacedPart, place_photos
+from services.mosaic.placing.placed_part import PlacedPart, place_parts, place_photos
+from services.mosaic.placing.whole_photo import find_whole_photo
+from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.photo_pairs import register_photos
 from services.mosaic.results import MosaicResult
-from services.mosaic.whole_pixels import join_whole_pixels
+from services.mosaic.whole_pixels import JoinedPhotos, join_whole_pixels
 from services.ocr.engine import OcrEngine
 from services.progress import report_progress
 from services.rectify.analysis.found_text import STROKE_TEXT_HEIGHT_PX
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.orientation import tell_orientation
+from services.rectify.view.orientation import apply_orientation, tell_orientation
 
 FLATTENED = 0.4
 STAGE_BEGINS = {
@@ -89,13 +92,11 @@ def mosaic(
     flats, textless = flatten_photos(kept, parameters.rectify, exif_focal_lengths_px, cameras, clock)
     with clock.stage("registration"):
         pairs = register_photos(list(flats.values()))
-    with clock.stage("adjustment"):
-        try:
-            part = place_photos(flats, pairs, parameters.base)
-        except NotOverlapping as refusal:
-            raise explain_refusal(refusal, textless, len(kept)) from None
-        flats |= part.photos  # those of one bent sheet have views of it
-        joined = None if parameters.rectify else join_whole_pixels(flats, part)
+    try:
+        part, joined = find_places(flats, pairs, parameters, clock)
+    except NotOverlapping as refusal:
+        raise explain_refusal(refusal, textless, len(kept)) from None
+    flats |= part.photos  # those of one bent sheet, or of one photo, have views of it
     if joined is None:
         disagreements = find_disagreements(part, typical_text_height_px(part), parameters.base)
         part = straighten_leaders(part, disagreements)
@@ -126,7 +127,12 @@ def mosaic(
     orientation, notice = Orientation(parameters.rotate or 0, False, None), None
     if parameters.upright and parameters.rotate is None:
         with clock.stage("orientation"):
-            orientation, notice = tell_orientation(lambda: draw_reading_view(page, text_height_px), ocr)
+            base = placed[sorted(part.placements).index(part.base)]
+            orientation, notice = tell_orientation(
+                lambda: draw_reading_view(page, text_height_px),
+                ocr,
+                turn_as_in_patch(base.flat, base.placement, H_page_mosaic),
+            )
     turn, _, _ = turning(page.shape[1], page.shape[0], orientation.rotation_deg, orientation.mirrored)
     H_final_mosaic = np.linalg.inv(turn) @ H_page_mosaic
     patches = describe_patches(len(photos), placed, sharpness, covered, H_final_mosaic, part.joint)
@@ -135,11 +141,12 @@ def mosaic(
         *notices,
         *disagreement_notices(disagreements),
         *duplicate_notices(repeats),
+        *part.notices,
         *notices_of(placed),
         *unplaced_notices([index for index in unplaced if index not in repeats], textless, pairs),
     ]
     return MosaicResult(
-        turn_image(page, orientation),
+        apply_orientation(page, orientation),
         part.base,
         patches,
         describe_pairs(flats, part),
@@ -201,6 +208,24 @@ def flatten_photos(
     return flats, textless
 
 
+def find_places(
+    flats: Mapping[int, FlatPhoto],
+    pairs: Sequence[PairRegistration],
+    parameters: MosaicParameters,
+    clock: StageClock,
+) -> tuple[PlacedPart, JoinedPhotos | None]:
+    """The photos of the page with their places, as parts of one photo where they are; beside it screenshots joined.
+
+    Raises `NotOverlapping`.
+    """
+    whole = find_whole_photo(flats, pairs, parameters.base, clock) if parameters.rectify else None
+    with clock.stage("adjustment"):
+        if whole is not None:
+            return place_parts(whole, parameters.base), None
+        part = place_photos(flats, pairs, parameters.base)
+        return part, None if parameters.rectify else join_whole_pixels(part.photos, part)
+
+
 def explain_refusal(
     refusal: NotOverlapping, textless: Mapping[int, DocumentError], count: int
 ) -> DocumentError:
@@ -243,9 +268,3 @@ def draw_reading_view(page: RgbImage, text_height_px: float) -> GrayImage:
     """The page in gray, flat-fielded, at the size for text recognition."""
     factor = min(1.0, STROKE_TEXT_HEIGHT_PX / text_height_px)
     return flatten_illumination(reduce_image(luminance(page), factor), text_height_px * factor)
-
-
-def turn_image(page: RgbImage, orientation: Orientation) -> RgbImage:
-    """`page`, mirrored left to right if needed, then rotated clockwise."""
-    flipped = page[:, ::-1] if orientation.mirrored else page
-    return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90)))

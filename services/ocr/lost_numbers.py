@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.deadline import time_left_s
+from services.imaging.components import label_components
 from services.ocr.engine import OcrEngine, Word
 
 _NUMBER = re.compile(r"\d[\d.,]*")
@@ -79,14 +80,14 @@ def with_lost_numbers(
 
 def _lone_print(gray: GrayImage, words: Boxes, height: float) -> Boxes:
     """Boxes (M, 4) of print without words, as high as a number, alone in a row of words; from the top down."""
-    ink = (gray < _DARK).astype(np.uint8)
+    ink = np.asarray(cv2.inRange(gray, -1.0, _DARK - 1.0), np.uint8)
     for x0, y0, x1, y1 in words.round().astype(int).clip(0).tolist():
         ink[y0:y1, x0:x1] = 0
-    joined = cv2.morphologyEx(
+    closed = cv2.morphologyEx(
         ink, cv2.MORPH_CLOSE, np.ones((1, 2 * round(_WITHIN * height / 2) + 1), np.uint8)
     )
-    _, _, stats, _ = cv2.connectedComponentsWithStats(joined)
-    x, y, width, tall = stats[1:, :4].astype(np.float64).T
+    joined = np.asarray(closed, np.uint8)
+    x, y, width, tall = label_components(joined).stats[1:, :4].astype(np.float64).T
     fits = (tall >= _HEIGHTS[0] * height) & (tall <= _HEIGHTS[1] * height) & (width <= _WIDEST * height)
     lone = np.column_stack([x, y, x + width, y + tall])[fits][:_MOST_SEARCHED]
     level = _are_level(lone, words, height)

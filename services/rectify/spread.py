@@ -19,9 +19,10 @@ from services.rectify.analysis.outline_search import OutlineSearch
 from services.rectify.analysis.page_analysis import analyse_spread
 from services.rectify.parameter_checks import check_parameters
 from services.rectify.pipeline import STAGE_BEGINS, flatten_page, rectify, shape_page
-from services.rectify.results import RectifyResult
+from services.rectify.results import Orientation, RectifyResult
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
+from services.rectify.view.orientation import apply_orientation
 
 ORIENTATION_UNKNOWN = "orientation-unknown"
 SURE = 0.5
@@ -164,7 +165,7 @@ def turn_result(result: RectifyResult, quarter_turns: int) -> RectifyResult:
     )
     return replace(
         result,
-        image=np.ascontiguousarray(np.rot90(result.image, -quarter_turns)),
+        image=apply_orientation(result.image, Orientation(90 * quarter_turns % 360, False, None)),
         mesh=np.ascontiguousarray(np.rot90(result.mesh, -quarter_turns)),
         corners=None if result.corners is None else np.roll(result.corners, quarter_turns, axis=0),
         orientation=turned,

@@ -71,6 +71,7 @@ class DrawablePatch:
     box : rectangle of the page that contains all that the photo shows.
     shown : (height, width) of the flat view, 255 where it shows the page.
     well_shown : `shown` without a border of slightly more than one step of the node grid.
+    is_toned : whether its tones change any colour.
     """
 
     placed: PlacedPhoto
@@ -79,6 +80,7 @@ class DrawablePatch:
     box: Rectangle
     shown: GrayImage
     well_shown: GrayImage
+    is_toned: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +119,8 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
     well_shown = cv2.erode(
         shown, np.ones((side, side), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
     )
-    return DrawablePatch(placed, source, factor, box, shown, np.asarray(well_shown, np.uint8))
+    is_toned = bool((placed.tones.coefficients != np.array([1, 1, 1, 1, 0, 0], np.float32)).any())
+    return DrawablePatch(placed, source, factor, box, shown, np.asarray(well_shown, np.uint8), is_toned)
 
 
 def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
@@ -159,11 +162,12 @@ def draw_gray_patch(gray_source: GrayImage, patch_map: PatchMap) -> GrayImage:
 def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
     """The patch in colour, with its tones applied. Pixels outside of `covered` must not be used."""
     drawn = _draw(patch.source, patch_map.source, cv2.INTER_CUBIC)
-    tones = patch.placed.tones
-    if (tones.coefficients == np.array([1, 1, 1, 1, 0, 0], np.float32)).all():
+    if not patch.is_toned:
         return drawn
     height, width = drawn.shape[:2]
-    coefficients = np.moveaxis(tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6), -1, 0)
+    coefficients = np.moveaxis(
+        patch.placed.tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6), -1, 0
+    )
     return apply_tones(drawn, [between_nodes(plane, width, height) for plane in coefficients])
 
 

@@ -59,7 +59,9 @@ class FrontalFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewInWorld:
-    """Points of a view: normalised (N,), complex, with half its diagonal as unit, and in the world (N, 2)."""
+    """Points of a view, as many as of any other: normalised (N,), complex, with half its diagonal as unit, and in the
+    world (N, 2).
+    """
 
     normalised: Complex
     world: Points
@@ -155,26 +157,39 @@ def agree_on_views(views: list[ViewInWorld], weights: Vector) -> Agreement:
     every = transform_points(H, np.concatenate([view.world for view in views]))
     middle, extent = every.mean(axis=0), float(np.abs(every - every.mean(axis=0)).max())
     H = scaling(1 / extent) @ translation(-float(middle[0]), -float(middle[1])) @ H
+    normalised, world = (
+        np.stack([view.normalised for view in views]),
+        np.stack([view.world for view in views]),
+    )
     trust = weights
     for _ in range(MOST_STEPS):
-        A, g = 1e-12 * np.eye(4), np.zeros(4)
-        departures, factors = np.zeros(len(views)), np.zeros(len(views), np.complex128)
-        for k, view in enumerate(views):
-            z, motions = _motions(H, view.world)
-            span, _ = np.linalg.qr(np.stack([np.ones_like(z), z], axis=1))
-            r = view.normalised - span @ (span.conj().T @ view.normalised)
-            around = z - z.mean()
-            factors[k] = np.vdot(around, view.normalised) / np.vdot(around, around)
-            departures[k] = np.sqrt((np.abs(r) ** 2).mean())
-            J = -factors[k] * (motions - span @ (span.conj().T @ motions))
-            A += trust[k] * (J.conj().T @ J).real / len(z)
-            g -= trust[k] * (J.conj().T @ r).real / len(z)
-        aspect, shear, across, down = np.linalg.solve(A, g)
+        z, motions = _motions(H, world)
+        factors, r, J = departures_from_similarity(z, normalised, motions)
+        departures = np.sqrt((np.abs(r) ** 2).mean(axis=1))
+        weighted = J.conj() * (trust / z.shape[1])[:, None, None]
+        A = 1e-12 * np.eye(4) + np.einsum("njk,njl->kl", weighted, J, optimize=True).real
+        aspect, shear, across, down = np.linalg.solve(A, -np.einsum("njk,nj->k", weighted, r).real)
         H = np.array([[1 + aspect, shear, 0], [shear, 1 - aspect, 0], [across, down, 1]]) @ H
         before, trust = trust, _trusted(departures, weights)
         if max(np.abs([aspect, shear, across, down]).max(), np.abs(trust - before).max()) < 1e-12:
             break
     return Agreement(H, factors, departures, trust)
+
+
+def departures_from_similarity(
+    z: Complex, normalised: Complex, motions: Complex
+) -> tuple[Complex, Complex, Complex]:
+    """Best similarities of views, as factors (n,), what they leave (n, N), and its derivatives (n, N, K).
+
+    Points `z` (n, N), which move by `motions` (n, N, K), are mapped to those of the `normalised` views (n, N).
+    """
+    around, there = z - z.mean(axis=1, keepdims=True), normalised - normalised.mean(axis=1, keepdims=True)
+    squares = (np.abs(around) ** 2).sum(axis=1)
+    factors = (around.conj() * there).sum(axis=1) / squares
+    moved = motions - motions.mean(axis=1, keepdims=True)
+    along = np.einsum("nj,njk->nk", around.conj(), moved) / squares[:, None]
+    derivatives = -factors[:, None, None] * (moved - around[..., None] * along[:, None])
+    return factors, there - factors[:, None] * around, derivatives
 
 
 def _frontal_of(view: ViewInWorld) -> Homography:
@@ -193,11 +208,13 @@ def _frontal_of(view: ViewInWorld) -> Homography:
     return np.asarray(H @ scaling(1 / size) @ translation(-float(shift[0]), -float(shift[1])))
 
 
-def _motions(H: Homography, world: Points) -> tuple[Complex, Complex]:
-    """Frontal points (N,) and their derivatives (N, 4) by aspect, shear and foreshortening across and down."""
-    x, y = transform_points(H, world).T
+def _motions(H: Homography, world: Floats) -> tuple[Complex, Complex]:
+    """Frontal points (n, N) of `world` (n, N, 2), and their derivatives (n, N, 4) by aspect, shear and foreshortening
+    across and down.
+    """
+    x, y = transform_points(H, world.reshape(-1, 2)).T.reshape(2, *world.shape[:2])
     z = x + 1j * y
-    return z, np.stack([x - 1j * y, y + 1j * x, -x * z, -y * z], axis=1)
+    return z, np.stack([x - 1j * y, y + 1j * x, -x * z, -y * z], axis=2)
 
 
 def _trusted(departures: Vector, weights: Vector) -> Vector:

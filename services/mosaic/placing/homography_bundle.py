@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.homographies import jacobians, transform_points
+from services.mosaic.placing.frontal_frame import departures_from_similarity
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.robust import CAUCHY_WIDTH, MEDIAN_LENGTH, cauchy_weights
 
@@ -129,19 +130,15 @@ class FrontalPrior:
 
     def departures(self, maps: Floats) -> tuple[Floats, Floats]:
         """Departures (n, 2 N) of points of each view from its best similarity, and their derivatives (n, 2 N, 8)."""
-        departures, derivatives = [], []
-        for A in maps:
-            z = _complex(transform_points(A, PRIOR_POINTS))
-            span, _ = np.linalg.qr(np.stack([np.ones_like(z), z], axis=1))
-            around, here = z - z.mean(), _complex(PRIOR_POINTS)
-            factor = np.vdot(around, here) / np.vdot(around, around)
-            motions = _complex(jacobians(A, PRIOR_POINTS) @ _basis(PRIOR_POINTS))
-            r = here - span @ (span.conj().T @ here)
-            J = -factor * (motions - span @ (span.conj().T @ motions))
-            departures.append(np.concatenate([r.real, r.imag]))
-            derivatives.append(np.concatenate([J.real, J.imag]))
+        z = _complex(transform_points(maps, PRIOR_POINTS))
+        motions = _complex(np.moveaxis(jacobians(maps, PRIOR_POINTS) @ _basis(PRIOR_POINTS), 2, -1))
+        here = np.broadcast_to(_complex(PRIOR_POINTS), z.shape)
+        _, r, J = departures_from_similarity(z, here, motions)
         share = np.sqrt(len(PRIOR_POINTS))
-        return np.array(departures) / share, np.array(derivatives) / share
+        return (
+            np.concatenate([r.real, r.imag], axis=1) / share,
+            np.concatenate([J.real, J.imag], axis=1) / share,
+        )
 
     def precisions(self) -> Vector:
         """Weights (n,) of squared departures relative to the matches' Cauchy loss; a view has four parameters."""
@@ -309,18 +306,17 @@ def _resolutions(count: int, ends: Sequence[tuple[int, int]], pairs: Sequence[Pa
 
 
 def _complex(vectors: Floats) -> NDArray[np.complex128]:
-    """x + i y of (N, 2) or (N, 2, M)."""
-    return np.asarray(vectors[:, 0] + 1j * vectors[:, 1])
+    """x + i y of (..., 2)."""
+    return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
 
 
 def _basis(points: Points) -> Floats:
     """Derivatives (N, 2, 8) of `points` (N, 2) under I + D by the entries `FREE` of D, for small D."""
     x, y = points.T
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    return np.stack(
-        [
-            np.stack([x, y, one, zero, zero, zero, -x * x, -x * y], axis=1),
-            np.stack([zero, zero, zero, x, y, one, -x * y, -y * y], axis=1),
-        ],
-        axis=1,
-    )
+    basis = np.zeros((len(points), 2, 8))
+    basis[:, 0, 0] = basis[:, 1, 3] = x
+    basis[:, 0, 1] = basis[:, 1, 4] = y
+    basis[:, 0, 2] = basis[:, 1, 5] = 1.0
+    basis[:, 0, 6], basis[:, 1, 7] = -x * x, -y * y
+    basis[:, 0, 7] = basis[:, 1, 6] = -x * y
+    return basis

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from services.arrays import Homography
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.flattening import view_again
@@ -12,10 +10,14 @@ from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placing.adjustment import adjust_globally
 from services.mosaic.placing.frontal_frame import agree_on_frontal_frame
 from services.mosaic.placing.joint_sheet import JointSheet, find_joint_sheet
+from services.mosaic.placing.kept_paper import keeps_paper
 from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placement import Placement
 from services.mosaic.placing.residual_warp import estimate_residual_warp
+from services.mosaic.placing.second_matches import match_again
+from services.mosaic.placing.whole_photo import WholePhoto
 from services.mosaic.registration.pair_registration import PairRegistration
+from services.notices import Notice
 from services.sheet.framing import CurvedFrame
 
 
@@ -24,6 +26,7 @@ class PlacedPart:
     """The photos of the page, by index, placed in the pixels of a page of `width` x `height`.
 
     `joint` is the sheet that all of them show, through whose views they are drawn; None where each has its own.
+    `notices` are of the page, not of single photos.
     """
 
     base: int
@@ -33,6 +36,7 @@ class PlacedPart:
     width: int
     height: int
     joint: JointSheet | None = None
+    notices: tuple[Notice, ...] = ()
 
 
 def place_photos(
@@ -63,13 +67,20 @@ def place_photos(
     joint = find_joint_sheet(members, within, placed.placements)
     if joint is None:
         joint = find_sheet_of_parts(members, within, placed.placements)
-    if joint is not None:
+    if joint is not None and keeps_paper(joint.views, members):
         members, H_world_flat, within = _lay_on_sheet(joint, members, within)
         placed = replace(_place(chosen, members, H_world_flat, within), joint=joint)
     H_mosaic_flat = {index: placement.H_mosaic_flat for index, placement in placed.placements.items()}
     warp = estimate_residual_warp(members, H_mosaic_flat, within)
     placements = {index: Placement(H, warp.displacements[index]) for index, H in H_mosaic_flat.items()}
     return replace(placed, placements=placements)
+
+
+def place_parts(whole: WholePhoto, base: int | None) -> PlacedPart:
+    """The parts of one photo on its page."""
+    photos = whole.photos
+    chosen = max(photos, key=lambda index: photos[index].weight) if base is None else base
+    return replace(_place(chosen, photos, whole.H_page_flat, whole.pairs), notices=whole.notices)
 
 
 def _place(
@@ -95,20 +106,4 @@ def _lay_on_sheet(
         frame = laid[index].frame
         assert isinstance(frame, CurvedFrame)
         H_world_flat[index] = joint.H_world_page[index] @ frame.H_page_flat
-    moved = []
-    for pair in pairs:
-        ends = [
-            laid[index].frame.to_flat(photos[index].to_photo(points))
-            for index, points in ((pair.a, pair.points_a), (pair.b, pair.points_b))
-        ]
-        known = np.isfinite(np.concatenate(ends, axis=1)).all(axis=1)
-        moved.append(
-            replace(
-                pair,
-                H_a_b=np.linalg.solve(H_world_flat[pair.a], H_world_flat[pair.b]),
-                points_a=ends[0][known],
-                points_b=ends[1][known],
-                weights=pair.weights[known],
-            )
-        )
-    return laid, H_world_flat, tuple(moved)
+    return laid, H_world_flat, match_again(pairs, photos, laid, H_world_flat)

@@ -50,6 +50,10 @@ FINER = 1.5
 """Resolution of the third look at unturned views, relative to word scale."""
 HOPELESS = 4
 """Of more photos than this, if no two overlap at word scale, upside down or not, none are searched any finer."""
+LOOKS = (0, COARSER), (0, 1.0), (2, 1.0), (0, FINER), (2, FINER), (1, 1.0), (3, 1.0)
+"""Quarter turns and fineness of the looks."""
+QUICK_LOOKS = LOOKS[:2]
+"""Those at views that are not turned, none finer than words."""
 LARGEST_SCALE = 4.0
 """Largest scale between two views, by their text sizes; text below a quarter can hardly be read."""
 RIVAL = 0.5
@@ -77,12 +81,15 @@ CONTRADICTION = 4.0
 one; false ones by at least words or lines."""
 
 
-def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]:
+def register_photos(
+    photos: Sequence[FlatPhoto], looks: Sequence[tuple[int, float]] = LOOKS
+) -> tuple[PairRegistration, ...]:
     """All overlapping pairs, independent of the order of `photos`.
 
     The search starts at half the word scale with the same text direction. Photos in separate parts are then searched at
     word scale, upside down, at a finer scale, and rotated by quarter turns, the most promising pairs only where there
-    are many. Pairs whose overlap the graph predicts are matched from there.
+    are many. Pairs whose overlap the graph predicts are matched from there, and after the first look not searched where
+    sure pairs predict it.
     A pair that contradicts stronger ones in a loop is dropped. So is a pair that connects two parts by a piece of a
     single line.
     """
@@ -93,21 +100,21 @@ def register_photos(photos: Sequence[FlatPhoto]) -> tuple[PairRegistration, ...]
     pairs: dict[tuple[int, int], PairRegistration] = {}
     sure: dict[tuple[int, int], PairRegistration] = {}
     promises: dict[tuple[int, int, int], int] = {}
-    looks = (0, COARSER), (0, 1.0), (2, 1.0), (0, FINER), (2, FINER), (1, 1.0), (3, 1.0)
     for number, (turns, fineness) in enumerate(looks):
         apart = _apart(order, pairs, number)
         if number > 0:
             apart = _promising(apart, prepared, turns, promises)
-        candidates = [_vote(prepared[i], prepared[j], turns, fineness) for i, j in apart]
+        # The surest pairs come first: these tell where others lie, and whether they overlap.
+        first = {}
         if number == 0:
-            promises = {(*pair, turns): _promise(each) for pair, each in zip(apart, candidates, strict=True)}
-        # The surest pairs come first: others, which by these do not overlap, need no verification.
-        for candidate in sorted(candidates, key=_promise, reverse=True):
-            if number == 0 and not _is_clear(candidate):
+            first = {(i, j): _vote(prepared[i], prepared[j], turns, fineness) for i, j in apart}
+            promises = {(*pair, turns): _promise(each) for pair, each in first.items()}
+        for i, j in sorted(apart, key=lambda pair: -promises.get((*pair, turns), 0)):
+            if number == 0 and (not _is_clear(first[i, j]) or _are_apart(i, j, sure, order, prepared)):
                 continue
-            if _are_apart(candidate, sure, order):
+            if number > 0 and (i, j) in find_ways(sure, order, [i]):
                 continue
-            registered = _register(candidate)
+            registered = _register(first.get((i, j)) or _vote(prepared[i], prepared[j], turns, fineness))
             if registered is not None:
                 pairs[registered.a, registered.b] = registered
                 if _is_sure(registered, heights):
@@ -211,11 +218,12 @@ def _is_sure(pair: PairRegistration, heights_px: Mapping[int, float]) -> bool:
     return pair.agreement >= SURE_AGREEMENT and matched_extent(pair, heights_px)[1] >= LINES
 
 
-def _are_apart(candidate: PairCandidate, sure: Pairs, order: Sequence[int]) -> bool:
+def _are_apart(
+    i: int, j: int, sure: Pairs, order: Sequence[int], prepared: Mapping[int, PreparedPhoto]
+) -> bool:
     """Whether the two photos do not overlap, by the `sure` pairs between them."""
-    a, b = candidate.a.photo, candidate.b.photo
-    way = find_ways(sure, order, [a.index]).get((a.index, b.index))
-    return way is not None and overlap_fraction(a, b, way[1]) < LEAST_OVERLAP
+    way = find_ways(sure, order, [i]).get((i, j))
+    return way is not None and overlap_fraction(prepared[i].photo, prepared[j].photo, way[1]) < LEAST_OVERLAP
 
 
 def _register(candidate: PairCandidate) -> PairRegistration | None:

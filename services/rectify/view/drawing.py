@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, GrayImage, Points, RgbImage
+from services.arrays import Floats, GrayImage, Points, RgbImage, Vector
 from services.geometry.homographies import resizing, to_resized, transform_points, translation
 from services.geometry.page_frame import Frame
 from services.imaging.node_grid import (
@@ -34,9 +34,12 @@ BAND_PX = 16 * GRID_STEP_PX
 
 
 def draw_gray_view(
-    gray: GrayImage, factor: float, frame: Frame, origin: tuple[float, float] = (0.0, 0.0)
+    gray: GrayImage, factor: float | Vector, frame: Frame, origin: tuple[float, float] = (0.0, 0.0)
 ) -> GrayImage:
-    """The view in gray, drawn from `gray`, the photo from pixel `origin` on, resized by `factor`; white outside."""
+    """The view in gray, drawn from `gray`, the photo from pixel `origin` on, resized by `factor`; white outside.
+
+    `factor` may be one for each axis.
+    """
     if frame.H_photo_flat is not None:
         flat = cv2.warpPerspective(
             gray,
@@ -234,9 +237,9 @@ def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
 class _BandMap:
     """The map of a view to the photo resized by `factor`, by its nodes (rows, columns, 2) in the photo."""
 
-    def __init__(self, nodes_in_photo: Floats, factor: float) -> None:
+    def __init__(self, nodes_in_photo: Floats, factor: float | Vector) -> None:
         self._nodes = to_resized(nodes_in_photo, factor)
-        self._known = continuous_nodes(self._nodes, MAX_REDUCTION * factor)
+        self._known = continuous_nodes(self._nodes, MAX_REDUCTION * float(np.max(factor)))
 
     def draw(self, image: NDArray[np.uint8], top: int, interpolation: int, band: NDArray[np.uint8]) -> None:
         """Draw `image` into the `band` of the view whose first row is `top`, a multiple of the nodes' step."""

@@ -3,13 +3,19 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, RgbImage
-from services.geometry.page_frame import Frame, mesh_of, resize_frame, turn_against_photo
+from services.geometry.page_frame import (
+    Frame,
+    mesh_of,
+    resize_frame,
+    turn_against_photo,
+    turn_as_in_photo,
+)
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
@@ -21,6 +27,7 @@ from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.results import Orientation
 from services.rectify.view.drawing import draw_gray_view
 
+_TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 READING_LONG_SIDE_PX = 1600
 """Long side of the photo in which a few words are read, where its text was not found."""
 
@@ -193,10 +200,14 @@ class _PageDetection:
         return self._found
 
 
-def apply_orientation(image: NDArray[Any], orientation: Orientation) -> NDArray[Any]:
-    """`image` (H, W, ...) flipped left to right if `mirrored`, then turned clockwise; contiguous."""
-    flipped = image[:, ::-1] if orientation.mirrored else image
-    return np.ascontiguousarray(np.rot90(flipped, -(orientation.rotation_deg // 90) % 4))
+def apply_orientation(image: NDArray[np.uint8], orientation: Orientation) -> NDArray[np.uint8]:
+    """`image` (H, W) or (H, W, 3) flipped left to right if `mirrored`, then turned clockwise; contiguous.
+
+    OpenCV takes 4 to 13 ms for 12 megapixels, NumPy 37 to 52.
+    """
+    flipped = cv2.flip(image, 1) if orientation.mirrored else image
+    turn = _TURNS.get(orientation.rotation_deg % 360)
+    return np.ascontiguousarray(flipped if turn is None else cv2.rotate(flipped, turn), np.uint8)
 
 
 def _decide(
@@ -346,10 +357,8 @@ def orient_page(
     photo: RgbImage, analysis: PageAnalysis | None, frame: Frame, ocr: OcrEngine | None
 ) -> tuple[Orientation, Notice | None]:
     """Orientation of the flat view, and a notice if it is unknown."""
-    turned_deg = turn_against_photo(mesh_of(frame, 9, 9))
-    return tell_orientation(
-        lambda: draw_for_reading(photo, analysis, frame), ocr, -90 * round(turned_deg / 90) % 360
-    )
+    lies_deg = turn_as_in_photo(turn_against_photo(mesh_of(frame, 9, 9)))
+    return tell_orientation(lambda: draw_for_reading(photo, analysis, frame), ocr, lies_deg)
 
 
 def draw_for_reading(photo: RgbImage, analysis: PageAnalysis | None, frame: Frame) -> GrayImage:

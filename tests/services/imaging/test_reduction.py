@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.imaging.reduction import Halves, halve, reduce_image
+from services.imaging.reduction import Halves, halve, reduce_exactly, reduce_image
 
 
 @pytest.mark.parametrize("size", [(400, 300), (401, 303)])
@@ -34,6 +34,18 @@ def test_a_reduced_image_keeps_places_at_any_factor(factor: float) -> None:
     assert np.abs(np.array(small.shape) - factor * np.array(image.shape)).max() <= 1
     # Half a pixel of the answer at each far end, and the rounding of levels.
     assert np.abs(small - expected).max() <= 0.55 * 0.5 / factor + 1.0
+
+
+@pytest.mark.parametrize("factor", [0.41, 0.2])
+def test_exact_factors_put_places_where_they_are(factor: float) -> None:
+    x, y = np.meshgrid(np.arange(402), np.arange(306))
+    image = np.round(20 + 0.25 * x + 0.3 * y).astype(np.uint8)
+    small, exact = reduce_exactly(image, factor)
+    assert np.array_equal(small, reduce_image(image, factor))
+    rows, columns = np.indices(small.shape)
+    expected = 20 + 0.25 * ((columns + 0.5) / exact[0] - 0.5) + 0.3 * ((rows + 0.5) / exact[1] - 0.5)
+    # By the rounded sizes the far end would be off by 0.18 and 0.65 levels.
+    assert abs(float((small - expected)[-16:-1, -16:-1].mean())) < 0.1
 
 
 def test_an_image_is_reduced_by_averages_and_never_enlarged() -> None:

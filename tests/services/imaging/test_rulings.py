@@ -1,8 +1,10 @@
 """Grids of tables are taken out of a page; other rules stay."""
 
+import cv2
 import numpy as np
+import pytest
 
-from services.imaging.rulings import without_grids
+from services.imaging.rulings import _long_runs, without_grids
 
 PAPER = 240
 
@@ -31,6 +33,21 @@ def test_a_frame_and_underlines_are_no_grid() -> None:
     for levels, uprights in (([300, 460], [100, 898]), ([300, 340, 380], []), ([300], [100, 500, 898])):
         page = page_with(levels, uprights)
         assert without_grids(page) is page
+
+
+@pytest.mark.parametrize("length", [8, 21, 30])
+@pytest.mark.parametrize("down", [False, True])
+def test_long_runs_are_those_of_an_opening(length: int, down: bool) -> None:
+    rng = np.random.default_rng(length)
+    dark = np.zeros((150, 140), np.uint8)
+    for _ in range(60):
+        x, y, reach = rng.integers(0, 150), rng.integers(0, 150), rng.integers(2, 60)
+        dark[y : y + 1, x : x + reach] = dark[x : x + reach, y : y + 1] = 255
+    kernel = np.ones((length, 1) if down else (1, length), np.uint8)
+    runs = _long_runs(dark, length, down=down)
+    assert runs is not None
+    assert np.array_equal(runs, cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel))
+    assert _long_runs(np.zeros_like(dark), length, down=down) is None
 
 
 def test_a_tiny_page_stays() -> None:

@@ -1,10 +1,12 @@
 """Photo -> mosaic, node by node."""
 
 import numpy as np
+import pytest
 
 from services.geometry.homographies import scaling, transform_points, translation
+from services.geometry.page_frame import turning
 from services.mosaic.flattening import view_photo
-from services.mosaic.patch_mesh import flat_points, mesh_of_patch, scale_of_patch
+from services.mosaic.patch_mesh import flat_points, mesh_of_patch, scale_of_patch, turn_as_in_patch
 from services.mosaic.placing.placement import Placement
 from services.sheet.plane.framing import FlatFrame
 from tests.services.mosaic.views import page_image, photograph
@@ -26,6 +28,14 @@ def test_the_mesh_follows_the_photo_through_the_flat_view_to_the_mosaic() -> Non
     # The frame was the page itself: where a photo's pixel shows the page, moved to the mosaic.
     expected = transform_points(placement.H_mosaic_flat @ np.linalg.inv(TILTED), photo)
     np.testing.assert_allclose(mesh.reshape(-1, 2), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("turn_deg", [0, 90, 180, 270])
+def test_the_turn_against_a_photo_is_undone(turn_deg: int) -> None:
+    view = tilted_view()
+    # The page is drawn so that it must be turned by `turn_deg` to lie as in the photo, but for its tilt.
+    turn, _, _ = turning(400, 550, turn_deg, False)
+    assert turn_as_in_patch(view, Placement(scaling(0.5)), turn) == turn_deg
 
 
 def test_points_beyond_the_horizon_take_their_neighbours_place() -> None:
