@@ -97,15 +97,18 @@ def _level_values(held: list[list[Part]]) -> None:
     of the page, and a lone one beside others' lines may be.
     """
     entries = [
-        (index, part)
+        (index, part[-1].box)
         for index, parts in enumerate(held)
         if len(parts) < _PROSE_LINES or np.median([len(part) for part in parts]) <= _LONGEST_ENTRY
         for part in parts
         if not _is_value(part)
     ]
+    if not entries:
+        return
+    places, ends = np.array([index for index, _ in entries]), np.array([box for _, box in entries])
     moves = []
     for index, parts in enumerate(held):
-        found = [(part, _entry_of(part, entries)) for part in parts if _is_value(part)]
+        found = [(part, _entry_of(part, places, ends)) for part in parts if _is_value(part)]
         moved = [(part, target) for part, target in found if target is not None and target != index]
         if len(moved) >= min(_LEAST_ROWS, len(parts)):
             moves += [(index, part, target) for part, target in moved]
@@ -121,16 +124,13 @@ def _is_value(part: Part) -> bool:
     return digits > 2 * letters
 
 
-def _entry_of(value: Part, entries: Sequence[tuple[int, Part]]) -> int | None:
-    """Region of the nearest line left of a value that is level with it."""
-    left, near, found = value[0].box[0], -np.inf, None
-    for index, part in entries:
-        end = part[-1].box
-        common = min(end[3], value[0].box[3]) - max(end[1], value[0].box[1])
-        lower = min(end[3] - end[1], value[0].box[3] - value[0].box[1])
-        if near < end[2] <= left and common >= _ROW_SHARE * lower:
-            near, found = end[2], index
-    return found
+def _entry_of(value: Part, places: NDArray[np.intp], ends: NDArray[np.float64]) -> int | None:
+    """Region of the nearest entry left of a value and level with it; of entries `places` (E,) and last words `ends`."""
+    x0, y0, _, y1 = value[0].box
+    common = np.minimum(ends[:, 3], y1) - np.maximum(ends[:, 1], y0)
+    lower = np.minimum(ends[:, 3] - ends[:, 1], y1 - y0)
+    level = np.flatnonzero((ends[:, 2] <= x0) & (common >= _ROW_SHARE * lower))
+    return int(places[level[np.argmax(ends[level, 2])]]) if len(level) else None
 
 
 def _lines_of(words: Sequence[Word]) -> list[Part]:
