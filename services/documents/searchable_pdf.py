@@ -9,6 +9,8 @@ import io
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from struct import pack
 
 import pikepdf
 from PIL import ImageCms
@@ -23,6 +25,10 @@ SOFTWARE = "document-rectification"
 _LOW_WORD = 0.6
 """Punctuation lower than this share of its line (a dash, a comma) gets the line's rows, so that it stays in the line.
 Words of letters without ascenders are as low (0.45 to 0.55), and keep their own rows."""
+_ICC_DATE = slice(24, 36)
+"""Bytes of an ICC profile with its date (ICC.1:2010, 7.2.8)."""
+_SRGB_DATE = (1999, 10, 18, 0, 0, 0)
+"""Of IEC 61966-2-1."""
 _MOST_RANGES = 100
 """Entries of a `bfchar` section (Adobe Technical Note 5014)."""
 
@@ -190,6 +196,13 @@ def _show_word(
     return f"{font} {height:.3f} Tf {stretch:.3f} Tz {matrix} {bottom:.3f} Tm <{shown}{space}> Tj"
 
 
+@cache
+def _srgb_profile() -> bytes:
+    """The ICC profile of sRGB, dated as its standard is: by the time of its making, equal pages would differ."""
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    return profile[: _ICC_DATE.start] + pack(">6H", *_SRGB_DATE) + profile[_ICC_DATE.stop :]
+
+
 def _describe(document: pikepdf.Pdf, facts: PdfFacts) -> None:
     if facts.language:
         document.Root.Lang = pikepdf.String(facts.language)
@@ -205,12 +218,11 @@ def _describe(document: pikepdf.Pdf, facts: PdfFacts) -> None:
             metadata["pdfaid:part"] = "2"
             metadata["pdfaid:conformance"] = "B"
     if facts.version == "a-2b":
-        profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
         intent = pikepdf.Dictionary(
             Type=pikepdf.Name.OutputIntent,
             S=pikepdf.Name("/GTS_PDFA1"),
             OutputConditionIdentifier=pikepdf.String("sRGB"),
             Info=pikepdf.String("sRGB IEC61966-2.1"),
-            DestOutputProfile=document.make_stream(profile, N=3),
+            DestOutputProfile=document.make_stream(_srgb_profile(), N=3),
         )
         document.Root.OutputIntents = pikepdf.Array([document.make_indirect(intent)])

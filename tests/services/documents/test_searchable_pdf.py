@@ -2,6 +2,7 @@
 
 import ctypes
 import io
+import struct
 
 import numpy as np
 import pikepdf
@@ -9,6 +10,7 @@ import pypdfium2
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import ImageCms
 
 from services.documents.glyphless_font import make_glyphless_font
 from services.documents.searchable_pdf import PdfFacts, finish_pdf
@@ -95,6 +97,14 @@ def test_the_file_is_sound_and_says_what_it_is(version: str) -> None:
         font = document.pages[0].Resources.Font["/FText"]
         program = font.DescendantFonts[0].FontDescriptor.FontFile2.read_bytes()
         assert program == make_glyphless_font()
+
+
+def test_the_profile_says_the_day_of_its_standard_not_of_its_making() -> None:
+    with pikepdf.open(io.BytesIO(make(LETTER, "a-2b"))) as document:
+        profile = document.Root.OutputIntents[0].DestOutputProfile.read_bytes()
+    assert struct.unpack(">6H", profile[24:36]) == (1999, 10, 18, 0, 0, 0)
+    opened = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+    assert "sRGB" in ImageCms.getProfileDescription(opened)
 
 
 def test_a_page_without_text_gets_no_layer() -> None:
