@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from services.geometry.linked_groups import group_linked
 from services.layout.page import Zone
 from services.layout.segmentation.components import Boxes, Indices, near_pairs
 from services.layout.segmentation.ink import InkComponents
 from services.layout.segmentation.inner_print import SCRAP_COMPONENTS
 from services.layout.segmentation.non_text import Part
-from services.layout.segmentation.text_lines import Line, group_linked
+from services.layout.segmentation.text_lines import Line
 
 _SCRAP_GAP = 1.0
 """Scraps belong together where the boxes are nearer, in units."""

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.geometry.linked_groups import group_linked
 from services.layout.page import Kind
 from services.layout.segmentation.components import Boxes, Indices, Kinds, near_pairs
 from services.layout.segmentation.ink import InkComponents
-from services.layout.segmentation.text_lines import group_linked, unite_boxes
+from services.layout.segmentation.text_lines import unite_boxes
 
 _PART_GAP = 2.0
 """Parts of a figure lie nearer to each other, in units."""

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from services.geometry.linked_groups import group_linked
 from services.layout.segmentation.components import Boxes, Indices, members_of, near_pairs
 from services.layout.segmentation.gutters import WIDEST_GAP, split_at_gutters
 from services.layout.segmentation.ink import InkComponents
@@ -176,12 +175,6 @@ def unite_boxes(boxes: Boxes, groups: Indices) -> Boxes:
         np.minimum.at(united[:, column], groups, boxes[:, column])
         np.maximum.at(united[:, column + 2], groups, boxes[:, column + 2])
     return united
-
-
-def group_linked(count: int, first: Indices, second: Indices) -> Indices:
-    """Connected groups (count,) of linked items."""
-    links = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
 
 
 def _side_by_side(boxes: Boxes) -> tuple[Indices, Indices, NDArray[np.float64], NDArray[np.float64]]:

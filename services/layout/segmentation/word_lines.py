@@ -9,11 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from services.geometry.linked_groups import group_linked
 from services.layout.segmentation.components import Boxes, Indices, members_of
 from services.layout.segmentation.frame import PrintedPage
 from services.layout.segmentation.gutters import split_at_gutters
 from services.layout.segmentation.operators import find_operators
-from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line, group_linked, row_links
+from services.layout.segmentation.text_lines import CAPITAL_HEIGHT, Line, row_links
 from services.ocr.engine import MADE_UP, Word
 from services.order_statistics import median
 

@@ -4,12 +4,11 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from services.arrays import Mask
 from services.geometry.homographies import to_resized
+from services.geometry.linked_groups import group_linked
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.tracing.level_rows import shows_print
@@ -56,11 +55,9 @@ def crossing_rows(analysis: PageAnalysis, outline: SheetOutline) -> int:
     step = characters[second] - characters[first]
     across = np.abs(step[:, 1] * np.cos(angles) - step[:, 0] * np.sin(angles))
     in_row = across < LEVEL * height_px
-    count = len(characters)
-    links = coo_array((np.ones(in_row.sum()), (first[in_row], second[in_row])), shape=(count, count))
-    number, row = connected_components(links, directed=False)
+    row = group_linked(len(characters), first[in_row], second[in_row])
     inside = outline.holds(characters)
-    held, beyond = (np.bincount(row, part, minlength=number) for part in (inside, ~inside))
+    held, beyond = np.bincount(row, inside), np.bincount(row, ~inside)
     return int(np.sum((held >= LEAST_HELD) & (beyond > 0)))
 
 

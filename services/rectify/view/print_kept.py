@@ -3,12 +3,11 @@
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Mask, Points
 from services.geometry.homographies import from_resized, translation
+from services.geometry.linked_groups import group_linked
 from services.geometry.page_frame import Frame
 from services.notices import Notice
 from services.rectify.analysis.found_text import STRAY_SHARE
@@ -69,8 +68,7 @@ def _on_sheet(page: ShapedPage, characters: Points) -> Mask:
 def groups_within(points: Points, reach: float) -> NDArray[np.intp]:
     """Numbers (N,) of the groups of `points` (N, 2): steps of at most `reach` lead from point to point of a group."""
     near = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points), len(points)))
-    return np.asarray(connected_components(graph, directed=False)[1], np.intp)
+    return group_linked(len(points), near[:, 0], near[:, 1])
 
 
 def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float) -> Frame:

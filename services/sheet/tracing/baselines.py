@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Mask, Points, Vector
+from services.geometry.linked_groups import group_linked
 from services.imaging.components import label_components
 from services.order_statistics import median
 from services.robust import geman_mcclure_weights
@@ -98,9 +97,7 @@ def chain_boxes(boxes: Floats) -> CharacterRows:
     x0, y0, width, height = x0[usable], y0[usable], width[usable], height[usable]
     x1, bottom = x0 + width, y0 + height
     source, target = _right_neighbours(x0, x1, bottom, height)
-    n = len(x0)
-    graph = coo_array((np.ones(len(source)), (source, target)), shape=(n, n))
-    _, label = connected_components(graph, directed=False)
+    label = group_linked(len(x0), source, target)
     order = np.argsort(label, kind="stable")
     chains = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
     rows = [members for members in chains if len(members) >= MIN_CHARACTERS]
