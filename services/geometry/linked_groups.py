@@ -9,6 +9,6 @@ Indices = NDArray[np.intp]
 
 
 def group_linked(count: int, first: Indices, second: Indices) -> Indices:
-    """Numbers (count,) of the connected groups of items, from 0 without a gap, by links (M,) of `first` and `second`."""
+    """Numbers (count,) of the connected groups of items, numbered from 0, by links (M,) of `first` and `second`."""
     links = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(count, count))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
