@@ -2,28 +2,46 @@
 
 import numpy as np
 
-from services.arrays import Floats, Homography, Points
+from services.arrays import Floats, Homography, Mask, Points
 from services.geometry.homographies import denominators, transform_points
 from services.geometry.page_frame import fill_unknown, turn_against_photo, turn_as_in_photo
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placing.placement import Placement
 
+COLUMNS, ROWS = 49, 65
+"""Nodes across and down a photo."""
+MOST_BETWEEN_PX = 2.0
+"""Gently bent pages have at most 0.7, photos with the steep edge of a wave 3 to 1800."""
 _STEP_PX = 8.0
 """To each side of a photo's middle, where the turn of the page against it is measured."""
 LARGEST_REACH = 3.0
 """Largest distance of a photo's point from the view, in sizes of the view. Points farther out are near the horizon."""
 
 
-def mesh_of_patch(photo: FlatPhoto, placement: Placement, columns: int = 49, rows: int = 65) -> Floats:
+def mesh_of_patch(photo: FlatPhoto, placement: Placement) -> Floats:
     """Mesh (rows, columns, 2) of mosaic points over the photo, corner to corner.
 
-    A node where the photo does not show the page gets the point of the nearest node that does.
+    65 x 49 nodes, or 129 x 97 where the sheet turns so far away that mosaic points between those would be more than
+    `MOST_BETWEEN_PX` off. A node where the photo does not show the page gets the point of the nearest node that does.
     """
     height, width = photo.photo.shape[:2]
-    x, y = np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows)
-    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    mesh = placement.to_mosaic(flat_points(photo, grid))
-    return fill_unknown(mesh.reshape(rows, columns, 2))
+    x, y = np.linspace(0, width - 1, 2 * COLUMNS - 1), np.linspace(0, height - 1, 2 * ROWS - 1)
+    flat = flat_points(photo, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    mesh = placement.to_mosaic(flat).reshape(len(y), len(x), 2)
+    with np.errstate(invalid="ignore"):
+        inside = ((flat >= 0) & (flat <= np.array(photo.size) - 1)).all(axis=1).reshape(len(y), len(x))
+    fine = _off_between(mesh, inside) > MOST_BETWEEN_PX
+    return fill_unknown(mesh if fine else mesh[::2, ::2])
+
+
+def _off_between(mesh: Floats, inside: Mask) -> float:
+    """How far the middle between every second node of the page is from the node there, along rows and columns."""
+    largest = 0.0
+    for nodes, known in ((mesh[::2], inside[::2]), (mesh[:, ::2].swapaxes(0, 1), inside[:, ::2].T)):
+        off = np.linalg.norm(nodes[:, 1::2] - 0.5 * (nodes[:, :-2:2] + nodes[:, 2::2]), axis=2)
+        asked = known[:, 1::2] & known[:, :-2:2] & known[:, 2::2]
+        largest = max(largest, float(off[asked].max(initial=0.0)))
+    return largest
 
 
 def turn_as_in_patch(photo: FlatPhoto, placement: Placement, H_page_mosaic: Homography) -> int:

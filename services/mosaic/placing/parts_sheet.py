@@ -28,7 +28,7 @@ from services.mosaic.placing.residual_warp import HELD_OUT_CELL, HELD_OUT_CELLS
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.order_statistics import median
 from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_hull
-from services.sheet.developable.fitting import FittedSurface, rescale_deviations
+from services.sheet.developable.fitting import FittedSurface, rescale_deviations, shown_deviations
 from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
@@ -165,7 +165,8 @@ def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
     fewest = len(surface.bends)
     spacing = (surface.basis.high - surface.basis.low) / (fewest - 3)
     count = int(np.clip(round((high - low + 2 * margin) / spacing) + 3, fewest, MOST_BENDS))
-    basis = bend_basis(low - margin, high + margin, count, REACH, surface.basis.spacing)
+    tabulated = round(len(surface.basis.nodes) * (count - 3) / (fewest - 3))
+    basis = bend_basis(low - margin, high + margin, count, REACH, surface.basis.spacing, tabulated)
     told = [_bends_of(k, base, parts) for k in range(len(parts.pages))]
     bends = _join_bends(basis, [each for each in told if each is not None])
     sheet = SharedSheet(surface.skew_rad, surface.slopes, own.slant_rad, bends, basis, ())
@@ -228,7 +229,7 @@ def _observe(k: int, page: SeenPage, surface: DevelopableSurface) -> SeenPart:
     e, shape, prior = page.evidence, _smooth(page), page.focal_prior
     p = FittingParameters(cauchy_flows=True)
     if shape is not None:
-        p, lines = rescale_deviations(p, shape.fitted), shape.lines
+        p, lines = shown_deviations(rescale_deviations(p, shape.fitted), shape.fitted), shape.lines
     else:
         lines = trace_lines(e.text, e.view, surface)
     hull = page_hull(e.characters)

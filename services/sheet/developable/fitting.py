@@ -14,6 +14,9 @@ from services.sheet.developable.residuals import BENDS, SLANT, PageResiduals
 from services.sheet.developable.surface import BendBasis, DevelopableSurface
 from services.sheet.developable.variation import LOG_FOCAL, TURN
 
+LEAST_SHOWN = 0.3
+"""Of the deviations assumed: a fit may follow its observations."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceStart:
@@ -34,7 +37,7 @@ class FittedSurface:
     """The fitted surface, its cost, and the deviations of its residuals.
 
     `cost` is half the sum of the squared residuals under their losses; the scales are robust deviations of the
-    residuals (lines and sides in units of those assumed); `log_focal_deviation` is that of the observations, without
+    residuals (without `_rad`, in units of those assumed); `log_focal_deviation` is that of the observations, without
     the prior.
     """
 
@@ -44,6 +47,7 @@ class FittedSurface:
     line_scale: float
     spacing_scale: float
     side_scale: float
+    major_scale: float
     major_scale_rad: float
     minor_scale_rad: float
     log_focal_deviation: float
@@ -103,6 +107,7 @@ def fit_surface(
         robust_scale(parts["straight"].value),
         robust_scale(parts["spacing"].value),
         robust_scale(parts["sides"].value),
+        robust_scale(parts["major"].value),
         robust_scale(parts["major"].value * residuals.print.major_deviation),
         robust_scale(parts["minor"].value * residuals.print.minor_deviation),
         _focal_deviation(fit.jac, observed.focal_deviation),
@@ -146,6 +151,21 @@ def rescale_deviations(parameters: FittingParameters, fitted: FittedSurface) -> 
         parameters,
         line_factor=parameters.line_factor * max(1.0, fitted.line_scale),
         side_factor=parameters.side_factor * max(1.0, fitted.side_scale),
+        spacing=parameters.spacing * spacing,
+        spacing_between=parameters.spacing_between * spacing,
+    )
+
+
+def shown_deviations(parameters: FittingParameters, fitted: FittedSurface) -> FittingParameters:
+    """Parameters with the deviations of directions along the lines, and of spacings, that a fit has shown, if smaller.
+
+    Those assumed are of photos of any kind; sharp ones have a sixth of them. Not those of strokes: what is wrong with
+    the shape of a letter is so wherever it stands, and neighbours do not tell it.
+    """
+    major, spacing = np.clip((fitted.major_scale, fitted.spacing_scale), LEAST_SHOWN, 1.0).tolist()
+    return replace(
+        parameters,
+        major_factor=parameters.major_factor * major,
         spacing=parameters.spacing * spacing,
         spacing_between=parameters.spacing_between * spacing,
     )

@@ -40,6 +40,7 @@ class FittingParameters(ObservationParameters):
 
     line_factor: float = 1.0
     side_factor: float = 1.0
+    major_factor: float = 1.0
     cauchy_flows: bool = False
     """Whether the loss of flows is Cauchy's: flows of whole parts may be wrong (pictures that were read as text)."""
     max_evaluations: int = 40
@@ -113,6 +114,7 @@ class PrintResiduals:
         self.observed, self.lines, self.p = observed, observed.lines, p
         lines = observed.lines
         self.major_deviation = np.sqrt(FLOW_OVERLAP / np.maximum(observed.major.weights, 0.05)) * MAJOR_RAD
+        self.major_deviation *= p.major_factor
         self.minor_deviation = np.sqrt(STROKE_OVERLAP / np.maximum(observed.minor.weights, 0.05)) * MINOR_RAD
         margins = np.concatenate(lines.margins) if lines.margins else np.zeros((0, 2))
         ahead = [_ahead(flow) for flow in (observed.major, observed.minor)]

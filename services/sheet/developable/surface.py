@@ -45,12 +45,17 @@ class BendBasis:
     spacing: float = 1.0
 
 
-def bend_basis(low: float, high: float, count: int, reach: float, spacing: float = 1.0) -> BendBasis:
-    """`count` >= 4 splines on [low, high], tabulated to `reach` times that length beyond either end."""
+def bend_basis(
+    low: float, high: float, count: int, reach: float, spacing: float = 1.0, tabulated: int = NODES
+) -> BendBasis:
+    """`count` >= 4 splines on [low, high], tabulated to `reach` times that length beyond either end.
+
+    `tabulated` is the number of nodes.
+    """
     length = high - low
     inner = np.linspace(low, high, count - 2)
     knots = np.concatenate([np.full(3, low), inner, np.full(3, high)])
-    nodes = np.linspace(low - reach * length, high + reach * length, NODES)
+    nodes = np.linspace(low - reach * length, high + reach * length, tabulated)
 
     def at(a: Vector) -> Floats:
         inside = (a >= low) & (a <= high)

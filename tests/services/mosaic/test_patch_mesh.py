@@ -1,8 +1,11 @@
 """Photo -> mosaic, node by node."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
+from services.arrays import Points
 from services.geometry.homographies import scaling, transform_points, translation
 from services.geometry.page_frame import turning
 from services.mosaic.flattening import view_photo
@@ -22,12 +25,38 @@ def tilted_view():
 def test_the_mesh_follows_the_photo_through_the_flat_view_to_the_mosaic() -> None:
     view = tilted_view()
     placement = Placement(translation(100.0, 50.0) @ scaling(0.5))
-    mesh = mesh_of_patch(view, placement, columns=8, rows=10)
-    x, y = np.meshgrid(np.linspace(0, 699, 8), np.linspace(0, 899, 10))
+    mesh = mesh_of_patch(view, placement)
+    assert mesh.shape == (65, 49, 2)
+    x, y = np.meshgrid(np.linspace(0, 699, 49), np.linspace(0, 899, 65))
     photo = np.stack([x, y], axis=-1).reshape(-1, 2)
     # The frame was the page itself: where a photo's pixel shows the page, moved to the mosaic.
     expected = transform_points(placement.H_mosaic_flat @ np.linalg.inv(TILTED), photo)
     np.testing.assert_allclose(mesh.reshape(-1, 2), expected, atol=1e-6)
+
+
+@dataclass(frozen=True)
+class Turning:
+    """A page of 800 x 1100 that turns away to the right: x of the photo is u - u^`power`, of its width."""
+
+    power: float
+    width: int = 800
+    height: int = 1100
+    H_photo_flat: None = None
+
+    def to_flat(self, photo: Points) -> Points:
+        u = np.linspace(0, 1, 4001)
+        x = (u - (1 - 1e-3) * u**self.power / self.power) * self.power / (self.power - 1)
+        return np.stack([799 * np.interp(photo[:, 0] / 699, x, u), 1099 * photo[:, 1] / 899], axis=1)
+
+
+@pytest.mark.parametrize(("power", "shape"), [(40.0, (129, 97, 2)), (2.0, (129, 97, 2)), (1e6, (65, 49, 2))])
+def test_a_page_that_turns_away_has_a_finer_mesh(power: float, shape: tuple[int, int, int]) -> None:
+    view = replace(tilted_view(), frame=Turning(power))
+    mesh = mesh_of_patch(view, Placement(np.eye(3)))
+    assert mesh.shape == shape
+    x, y = np.meshgrid(np.linspace(0, 699, shape[1]), np.linspace(0, 899, shape[0]))
+    exact = Turning(power).to_flat(np.stack([x, y], axis=-1).reshape(-1, 2))
+    np.testing.assert_allclose(mesh.reshape(-1, 2), exact, atol=1e-9)
 
 
 @pytest.mark.parametrize("turn_deg", [0, 90, 180, 270])

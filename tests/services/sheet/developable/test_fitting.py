@@ -7,9 +7,16 @@ import pytest
 
 from services.arrays import Points, Vector
 from services.geometry.camera import PrincipalPointPrior
-from services.sheet.developable.fitting import FittedSurface, fit_surface, free_gain, rescale_deviations
+from services.sheet.developable.fitting import (
+    LEAST_SHOWN,
+    FittedSurface,
+    fit_surface,
+    free_gain,
+    rescale_deviations,
+    shown_deviations,
+)
 from services.sheet.developable.observations import NO_LINES, LineObservations, PageObservations
-from services.sheet.developable.print_residuals import FittingParameters
+from services.sheet.developable.print_residuals import FittingParameters, PrintResiduals
 from services.sheet.developable.residuals import BENDS, PageResiduals, surface_of
 from services.sheet.developable.surface import DevelopableSurface
 from services.texture_flow.field import FlowSamples
@@ -213,6 +220,27 @@ def test_deviations_are_widened_never_narrowed() -> None:
     assert wide.spacing_between == pytest.approx(4 * p.spacing_between)
     only = rescale_deviations(p, replace(fitted, line_scale=2.0, spacing_scale=0.5))
     assert only == replace(p, line_factor=3.0)
+
+
+def test_directions_and_spacings_are_trusted_as_far_as_a_fit_has_shown() -> None:
+    fitted = fit_surface(CYLINDER.start(), observe(CYLINDER.surface()))
+    p = FittingParameters(major_factor=2.0, line_factor=1.5)
+    sharp = shown_deviations(p, replace(fitted, major_scale=0.5, spacing_scale=0.4, line_scale=0.2))
+    assert sharp.major_factor == pytest.approx(1.0)
+    assert sharp.spacing == pytest.approx(0.4 * p.spacing)
+    assert sharp.spacing_between == pytest.approx(0.4 * p.spacing_between)
+    assert sharp.line_factor == p.line_factor
+    exact = shown_deviations(p, replace(fitted, major_scale=0.0, spacing_scale=0.0))
+    assert exact.major_factor == pytest.approx(2.0 * LEAST_SHOWN)
+    assert shown_deviations(p, replace(fitted, major_scale=3.0, spacing_scale=3.0)) == p
+
+
+def test_directions_count_by_their_factor() -> None:
+    observed = observe(CYLINDER.surface(), seed=3)
+    start = CYLINDER.surface()
+    plain, narrow = (PrintResiduals(observed, start, FittingParameters(major_factor=f)) for f in (1.0, 0.5))
+    np.testing.assert_allclose(narrow.major_deviation, 0.5 * plain.major_deviation)
+    np.testing.assert_allclose(narrow.minor_deviation, plain.minor_deviation)
 
 
 @pytest.mark.parametrize("name", ["cylinder", "cone", "bent along its lines"])

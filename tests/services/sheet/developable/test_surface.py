@@ -322,10 +322,9 @@ def test_running_products_are_products(count: int) -> None:
         assert np.allclose(found, total, atol=1e-12)
 
 
-def test_a_finer_table_changes_nothing_that_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_finer_table_changes_nothing_that_is_seen() -> None:
     coarse = STRONG.surface()
-    monkeypatch.setattr("services.sheet.developable.surface.NODES", 1600)
-    fine: BendBasis = bend_basis(-1.0, 1.0, 8, 0.3)
+    fine: BendBasis = bend_basis(-1.0, 1.0, 8, 0.3, tabulated=1600)
     assert len(fine.nodes) == 10 * len(BASIS.nodes)
     off = STRONG.surface(fine).to_photo(PAGE) - coarse.to_photo(PAGE)
     # A tenth of a pixel of a photo of 12 megapixels is 4e-5.
