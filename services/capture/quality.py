@@ -27,8 +27,9 @@ _GLARE_LEVEL = 251
 _SHADOW_LEVEL = 10
 _BLOB_HEIGHTS = 2.0
 """Glare and shadow are larger than this; smaller bright and dark parts are paper and ink."""
-_OVEREXPOSED = 0.5
-"""If a larger share of the page is at the highest level, the whole photo is bright, and it is no glare."""
+_WHITE_PAPER = 0.05
+"""Share of the surroundings of a usual character that is at the highest level, from which paper is so, and glare is not
+told from it: pages of files have 0.12 to 0.46, photos 0.00."""
 _SHOWS_PRINT = 0.5
 """Of the page's usual density of characters, with which a white part hides none."""
 _AREA_SIDE_PX = 800
@@ -197,21 +198,22 @@ def _measure_light(gray: GrayImage, characters: Points, height_px: float) -> tup
     side = max(3, round(_BLOB_HEIGHTS * height_px * factor) | 1)
     kernel = np.ones((side, side), np.uint8)
     bright = np.asarray((small >= _GLARE_LEVEL) & (page > 0), np.uint8)
+    places = np.clip(np.round(characters * factor).astype(int), 0, np.array(small.shape[::-1]) - 1)
+    around = cv2.blur(bright.astype(np.float32), (side, side))[places[:, 1], places[:, 0]]
     glare = 0.0
-    if bright.sum() < _OVEREXPOSED * area:
+    if np.median(around) < _WHITE_PAPER:
         blobs = np.asarray(cv2.morphologyEx(bright, cv2.MORPH_OPEN, kernel), np.uint8)
-        glare = float(_without_print(blobs, kernel, characters * factor, len(characters) / area).sum()) / area
+        glare = float(_without_print(blobs, kernel, places, len(characters) / area).sum()) / area
     dark = np.asarray((small <= _SHADOW_LEVEL) & (page > 0), np.uint8)
     return glare, float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area
 
 
-def _without_print(blobs: GrayImage, kernel: GrayImage, characters: Points, usual: float) -> Mask:
+def _without_print(blobs: GrayImage, kernel: GrayImage, at: NDArray[np.int_], usual: float) -> Mask:
     """Those of the bright `blobs` (H, W) that hide print: a white part that shows it is paper, or a screen's.
 
-    Of `characters` (N, 2) `usual` lie on a pixel of the page.
+    Of the characters, `at` pixels (N, 2), `usual` lie on a pixel of the page.
     """
     count, labels = cv2.connectedComponents(blobs)
-    at = np.clip(np.round(characters).astype(int), 0, np.array(blobs.shape[::-1]) - 1)
     # The largest number of a blob next to each character, which itself is dark.
     near = cv2.dilate(labels.astype(np.float32), kernel)[at[:, 1], at[:, 0]].astype(int)
     shown = np.bincount(near, minlength=count) / np.maximum(np.bincount(labels.ravel(), minlength=count), 1)

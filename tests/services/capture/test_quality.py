@@ -116,6 +116,21 @@ def test_glare_and_shadow_are_large_parts_without_detail() -> None:
     assert measured(bright, characters_on(bright)).glare_fraction == 0.0
 
 
+@pytest.mark.parametrize(("paper", "glare"), [(255, 0.0), (245, 0.14)])
+def test_white_paper_between_gray_panels_is_no_glare(paper: int, glare: float) -> None:
+    """Of a page of a file: half of it is gray panels, and a white box in one is empty."""
+    image = np.full((600, 600), paper, np.uint8)
+    image[280:] = 120
+    centres = characters_on(image)
+    image[280:520] = 120
+    image[86:230, 36:304] = 120
+    image[90:226, 40:300] = 255
+    places = centres.astype(int)
+    assert measured(image, centres[image[places[:, 1], places[:, 0]] == 20]).glare_fraction == pytest.approx(
+        glare, abs=0.03
+    )
+
+
 def test_a_white_part_with_print_is_no_glare() -> None:
     """Of a screenshot: white panels on a gray ground, and on one of them nothing is printed."""
     image = np.full((600, 600), 225, np.uint8)
