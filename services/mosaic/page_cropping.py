@@ -81,7 +81,7 @@ class PageCells:
     """Reduced maps (h, w) of the mosaic: where photos show it, and where most of them show the sheet.
 
     `views` are (h, w, 3), one for each photo: its background colours without print, black where it shows nothing.
-    Where `are_pages`, each photo is the page itself, as a scan or a screenshot is: its view ends where its paper does.
+    Where `are_pages`, each photo is the page itself, as a scan or a screenshot is: no sheet is seen within it.
     """
 
     seen: Mask
@@ -112,10 +112,12 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
         votes[1, shown[on_sheet]] += 2
     seen = (votes[0] > 0).reshape(rows, columns)
     paper = np.asarray(seen & (votes[1] >= votes[0]).reshape(rows, columns))
-    are_pages = all(
-        photo.flat.page is not None and isinstance(photo.flat.page.shape, PhotoAsPage) for photo in placed
-    )
-    return PageCells(seen, paper, tuple(views), are_pages)
+    return PageCells(seen, paper, tuple(views), all(_is_page(photo.flat) for photo in placed))
+
+
+def _is_page(photo: FlatPhoto) -> bool:
+    """Whether a photo is the page itself, and no sheet is seen within it."""
+    return photo.page is not None and isinstance(photo.page.shape, PhotoAsPage) and photo.sheet is None
 
 
 def _in_photo(photo: PlacedPhoto, columns: int, rows: int, across: float, down: float) -> Points:

@@ -123,6 +123,10 @@ def test_photos_are_the_page_only_where_each_was_taken_for_it() -> None:
     known = [replace(photo, flat=replace(photo.flat, page=page)) for photo in placed]
     assert see_sheet(known, 1000, 1560).are_pages
     assert not see_sheet([known[0], placed[1]], 1000, 1560).are_pages
+    # A sheet on a desk that a photo shows all round.
+    sheet = np.array([[60.0, 60.0], [900.0, 60.0], [900.0, 800.0], [60.0, 800.0]])
+    beside = replace(known[0], flat=replace(known[0].flat, sheet=sheet))
+    assert not see_sheet([beside, known[1]], 1000, 1560).are_pages
 
 
 @pytest.mark.parametrize("desk_in_photo", [True, False])
