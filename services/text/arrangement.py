@@ -24,6 +24,8 @@ _PROSE_LINES = 3
 """Fewer lines are no prose, however long."""
 _LEAST_ROWS = 2
 """Values of one region that are level with entries, unless it has no more lines."""
+_HEAD_GAP = 3.0
+"""Heights of a head of columns down to its first value: a row with the name of a section may lie between."""
 _ROW_SHARE = 0.5
 """Two parts of a line are in one row if they share this much of the lower one's height."""
 _OVERLAP = 0.5
@@ -79,6 +81,7 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
         elif any(character.isalnum() for word in line for character in word.text):
             others.append(line)
     _level_values(held)
+    _place_heads(held)
     usual = _usual_size(regions, held)
     blocks = [
         _block(mine, region.font_size, usual) for region, mine in zip(regions, held, strict=True) if mine
@@ -115,6 +118,42 @@ def _level_values(held: list[list[Part]]) -> None:
     for index, part, target in moves:
         held[index] = [other for other in held[index] if other is not part]
         held[target].append(part)
+
+
+def _place_heads(held: list[list[Part]]) -> None:
+    """Move heads of columns, in place, to the region of the table below: a region of one row of words above values.
+
+    These are right of what they are values of, in the same region.
+    """
+    rows = [(index, part) for index, parts in enumerate(held) for part in parts]
+    for index, parts in enumerate(held):
+        numbers = any(character.isdigit() for part in parts for word in part for character in word.text)
+        if not parts or numbers or len(rows_of(parts)) > 1:
+            continue
+        words = [word.box for part in parts for word in part]
+        left, right = min(box[0] for box in words), max(box[2] for box in words)
+        bottom, height = max(box[3] for box in words), float(np.median([box[3] - box[1] for box in words]))
+        below = [
+            (word.box[1], number, part)
+            for number, part in rows
+            if number != index
+            for word in part
+            if word.box[2] > left and word.box[0] < right and word.box[1] + word.box[3] > 2 * bottom
+        ]
+        if not below:
+            continue
+        top, target, _ = min(below, key=lambda found: found[0])
+        first = [
+            word
+            for _, number, part in below
+            if number == target
+            for word in part
+            if abs(word.box[1] - top) < height and word.box[2] > left and word.box[0] < right
+        ]
+        entries = any(word.box[2] <= left for number, part in rows if number == target for word in part)
+        if top - bottom <= _HEAD_GAP * height and _is_value(first) and entries:
+            held[target] += parts
+            held[index] = []
 
 
 def _is_value(part: Part) -> bool:

@@ -156,6 +156,26 @@ def test_values_of_a_column_are_read_by_rows() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("head", "at", "is_head"),
+    [
+        ("Quantity", -50, True),
+        ("Quantity", -150, False),  # far above
+        ("Total 12", -50, False),  # a value of its own
+        ("Quantity", 150, False),  # below
+    ],
+)
+def test_heads_of_columns_stand_above_their_values(head: str, at: int, is_head: bool) -> None:
+    """Segmentation has the heads, and the address below the table, as later regions."""
+    rows = [("Beeswax XL", 0, "1.00 42.00", 700), ("Office chair", 100, "2.00 70.00", 700)]
+    words = [word("Mitchell", 0, 300, line=8), *_table(*rows), word(head, 700, at, line=9)]
+    regions = [Region((-10, -10, 1100, 150), 30.0, ()), Region((-10, 290, 600, 330), 30.0, ())]
+    regions.append(Region((690, at - 10, 1300, at + 40), 30.0, (words[-1].box,)))
+    table = ["Beeswax XL 1.00 42.00", "Office chair 2.00 70.00"]
+    found = [[head, *table], ["Mitchell"]] if is_head else [table, ["Mitchell"], [head]]
+    assert texts(arrange_words(words, regions)) == found
+
+
 def test_a_value_in_the_gap_of_a_row_is_of_that_row() -> None:
     words = [word("Kart", 0, 0, line=0), word("21%", 500, 0, line=1), word("44,99", 700, 1, line=1)]
     words += [word("1", 300, 2, 20, line=2), word("€44", 360, 2, 80, line=2)]
