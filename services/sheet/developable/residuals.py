@@ -121,15 +121,12 @@ class PageResiduals:
         surface = self.surface(x)
         at = surface.unroll(self.print.points - self.principal_point(x))
         turn = self.rotation @ rotation_from_vector(x[TURN]) @ _right_jacobian(x[TURN])
-        moved = vary_page(surface, at, turn)
-        by_slant = np.zeros((len(moved), 2, 1))
-        parts = [moved[:, :, :SLANT], by_slant, moved[:, :, SLANT:]]
+        moved = vary_page(surface, at, turn, still=BENDS - SLANT)
         if self.observed.principal_point:
             # The origin of the sheet keeps its place in the photo: points at its depth do not move.
             nearer = surface.focal / at.X[:, 2] - 1
-            parts.append(at.jacobians * nearer[:, None, None])
-        # As in `vary_page` the points come last in memory.
-        return at, np.concatenate([part.transpose(2, 1, 0) for part in parts]).transpose(2, 1, 0)
+            moved = np.concatenate([moved, at.jacobians * nearer[:, None, None]], axis=2)
+        return at, moved
 
     def parts(self, x: Vector) -> dict[str, Residual]:
         """Residuals of the print, the sides, and `crossing`, before any loss."""

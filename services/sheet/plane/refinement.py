@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
@@ -32,6 +31,7 @@ from services.sheet.plane.flat_lines import (
 )
 from services.sheet.plane.straight_lines import StraightLines, side_directions, side_skew
 from services.texture_flow.field import FlowSamples
+from services.trust_region import least_squares
 
 LEAST_GAIN = 1e-6
 """Relative decrease of the cost below which a fit ends: a thousandth of a deviation in the unknowns."""
@@ -213,14 +213,11 @@ def refine_plane(
             parts.append((x[5:7] - principal_point.mean) / np.array(principal_point.deviations))
         return np.concatenate(parts)
 
-    def residuals(x: Vector) -> Vector:
-        return np.asarray(residuals_at(x[None])[0])
-
-    def differences(x: Vector) -> Floats:
-        """Jacobian (N, P) of `residuals` by forward differences."""
+    def evaluate(x: Vector) -> tuple[Vector, Floats]:
+        """Residuals (N,), and their derivatives (N, P) by forward differences."""
         steps = DIFFERENCE_STEP * np.where(x < 0, -1.0, 1.0) * np.maximum(np.abs(x), 1.0)
         found = residuals_at(np.concatenate([x[None], x + np.diag(steps)]))
-        return np.asarray((found[1:] - found[0]).T / steps)
+        return found[0], np.asarray((found[1:] - found[0]).T / steps)
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), SLANT_MEAN_RAD])
     x_scale = [TURN_STEP_RAD, TURN_STEP_RAD, TURN_STEP_RAD, FOCAL_STEP, TURN_STEP_RAD]
@@ -230,9 +227,7 @@ def refine_plane(
     if principal_point is not None:
         x0 = np.append(x0, principal_point.start)
         x_scale += [SHIFT_STEP, SHIFT_STEP]
-    fit = least_squares(
-        residuals, x0, differences, x_scale=x_scale, max_nfev=MOST_EVALUATIONS, ftol=LEAST_GAIN
-    )
+    fit = least_squares(evaluate, x0, np.array(x_scale), MOST_EVALUATIONS, LEAST_GAIN)
     drawn = abs(float(fit.x[3]) - prior.log_focal)
     if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
         held = FocalPrior(prior.log_focal, min(FOCAL.held_deviation, prior.deviation), "assumed")
@@ -240,7 +235,7 @@ def refine_plane(
             PagePlane(start.rotation, float(np.exp(prior.log_focal))), held, major, minor, points, observations,
             replace(p, believable_focal=np.inf), sides,
         )  # fmt: skip
-    before = 0.5 * float(np.sum(residuals(x0) ** 2))
+    before = 0.5 * float(np.sum(residuals_at(x0[None]) ** 2))
     information = fit.jac.T @ fit.jac
     refined = plane_of(fit.x)
     return RefinedPlane(
