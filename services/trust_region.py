@@ -67,9 +67,9 @@ def least_squares(
             new_cost = 0.5 * float(new_value @ new_value)
             gain, expected = cost - new_cost, -float(0.5 * squares @ (parts * parts) + along @ parts)
             ratio = gain / expected if expected > 0 else float(expected == gain == 0)
-            ended = (gain < least_gain * cost and ratio > 0.25) or np.linalg.norm(scale * step) < least_step * (
-                least_step + np.linalg.norm(x)
-            )
+            ended = (gain < least_gain * cost and ratio > 0.25) or np.linalg.norm(
+                scale * step
+            ) < least_step * (least_step + np.linalg.norm(x))
             better = gain > 0
             if not ended:
                 before = radius

@@ -67,7 +67,7 @@ def sample_windows(
         rims = at[part, None, :] + v[None, :, None] * dv[part, None, :]  # (n, rows, 2)
         x = (rims[:, :, 0, None] + u * du[part, None, 0, None]).reshape(-1, columns)
         y = (rims[:, :, 1, None] + u * du[part, None, 1, None]).reshape(-1, columns)
-        windows[part] = cv2.remap(image, x, y, cv2.INTER_LINEAR).reshape(-1, rows, columns)
+        cv2.remap(image, x, y, cv2.INTER_LINEAR, dst=windows[part].reshape(-1, columns))
     return windows
 
 

@@ -90,14 +90,14 @@ def _tables(surface: DevelopableSurface) -> tuple[Floats, Floats]:
     """d phi and dP (n, 6, 2 + K) at the nodes for the slopes and bends, zero at s = 0, and their rates in s."""
     basis = surface.basis
     s = basis.nodes
-    k = basis.values @ surface.bends
+    bend = basis.values @ surface.bends
     rates = np.empty((len(s), 6, 2 + len(surface.bends)))
-    rates[:, :3, :2] = (k[:, None] * surface.A)[:, :, None] * np.stack([s, s * s], axis=1)[:, None]
+    rates[:, :3, :2] = (bend[:, None] * surface.A)[:, :, None] * np.stack([s, s * s], axis=1)[:, None]
     rates[:, :3, 2:] = surface.R[:, :, None] * basis.values[:, None]
     values = np.empty_like(rates)
     values[:, :3] = _integrate(rates[:, :3], s)
-    for i, j, l in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        rates[:, 3 + i] = values[:, j] * surface.A[:, l, None] - values[:, l] * surface.A[:, j, None]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rates[:, 3 + i] = values[:, j] * surface.A[:, k, None] - values[:, k] * surface.A[:, j, None]
     values[:, 3:] = _integrate(rates[:, 3:], s)
     return values, rates
 
