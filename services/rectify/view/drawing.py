@@ -136,8 +136,7 @@ class FlatDrawing:
                 if frame.H_photo_flat is None:
                     self._nodes = photo_nodes(frame)
                     self._map = _BandMap(self._nodes, 1.0)
-                # Every band is drawn whole, white where the photo ends.
-                self._flat = np.empty((frame.height, frame.width, 3), np.uint8)
+                self._flat = np.full((frame.height, frame.width, 3), 255, np.uint8)
                 # `next` of a range's iterator hands out each band once, whichever thread asks.
                 self._tops = iter(range(0, frame.height, BAND_PX))
             return self._flat
