@@ -99,5 +99,7 @@ def plane_to_image(R: Floats, focal_length: float) -> Homography:
     Coordinates on both sides are relative to the principal point and in the same unit; the plane's
     unit is the image's at the principal point.
     """
-    H = np.column_stack([R[:, 0], R[:, 1], [0.0, 0.0, focal_length]])
-    return np.asarray(np.diag([focal_length, focal_length, 1.0]) @ H / focal_length)
+    H = np.array(R, np.float64)
+    H[:, 2] = 0.0, 0.0, focal_length
+    H[:2] *= focal_length
+    return np.asarray(H / focal_length)

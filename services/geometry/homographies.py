@@ -25,6 +25,21 @@ def jacobians(H: Floats, points: Points) -> Floats:
     return np.asarray(upper / w[..., None, None])
 
 
+def directions(H: Floats, points: Points, ways: Points) -> tuple[Floats, Floats]:
+    """x and y (..., N) of small `ways` (N, 2) at `points` (N, 2) under `H` (..., 3, 3), in any unit."""
+    px, py = np.asarray(points, np.float64).T
+    dx, dy = ways.T
+    h = H[..., None]
+    w = px * h[..., 2, 0, :] + py * h[..., 2, 1, :] + h[..., 2, 2, :]
+    dw = dx * h[..., 2, 0, :] + dy * h[..., 2, 1, :]
+    # The derivative of a quotient, times the square of w: the direction alone is asked for.
+    found = []
+    for row in (0, 1):
+        x = px * h[..., row, 0, :] + py * h[..., row, 1, :] + h[..., row, 2, :]
+        found.append((dx * h[..., row, 0, :] + dy * h[..., row, 1, :]) * w - x * dw)
+    return found[0], found[1]
+
+
 def translation(x: float, y: float) -> Homography:
     """Shift by (x, y)."""
     return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])

@@ -19,17 +19,21 @@ def accumulate_scores(score: Floats, max_shift: int, shift_cost: float) -> Float
     of -inf are never used. All grids go through the rows together: a row of one grid is too short for numpy.
     """
     columns = score.shape[-1]
-    cost = shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))[:, None]
+    cost = shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))
     padded = np.full((*score.shape[:-2], columns + 2 * max_shift), -np.inf)
     inner = padded[..., max_shift : max_shift + columns]
-    windows = sliding_window_view(padded, columns, axis=-1)
-    work = np.empty(windows.shape)
+    # Shifts first: the greatest of them are taken over all grids in one run through memory.
+    windows = np.moveaxis(sliding_window_view(padded, columns, axis=-1), -2, 0)
+    costs = cost.reshape(-1, *(1,) * inner.ndim)
+    work, most = np.empty(windows.shape), np.empty(inner.shape)
     best = np.empty(score.shape)
     inner[...] = best[..., 0, :] = score[..., 0, :]
-    for row in range(1, score.shape[-2]):
-        np.subtract(windows, cost, out=work)
-        np.add(np.maximum.reduce(work, axis=-2), score[..., row, :], out=inner)
-        best[..., row, :] = inner
+    rows = zip(np.moveaxis(score, -2, 0)[1:], np.moveaxis(best, -2, 0)[1:], strict=True)
+    for gained, reached in rows:
+        np.subtract(windows, costs, out=work)
+        np.maximum.reduce(work, axis=0, out=most)
+        np.add(most, gained, out=inner)
+        reached[...] = inner
     return best
 
 
@@ -57,14 +61,12 @@ def trace_back(
     `best` (G, N, M) is what `accumulate_scores` returned for the same `max_shift` and `shift_cost`.
     """
     cost = shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))
-    if len(ends) <= FEW_PATHS:
-        paths = [
-            _trace_one(best[grid], int(end), max_shift, cost) for grid, end in zip(grids, ends, strict=True)
-        ]
-        return np.array(paths, np.intp).reshape(len(ends), best.shape[1])
     grid_count, rows, columns = best.shape
     padded = np.full((grid_count, rows, columns + 2 * max_shift), -np.inf)
     padded[..., max_shift : max_shift + columns] = best
+    if len(ends) <= FEW_PATHS:
+        paths = [_trace_one(padded[grid], int(end), cost) for grid, end in zip(grids, ends, strict=True)]
+        return np.array(paths, np.intp).reshape(len(ends), rows)
     values, width = padded.ravel(), columns + 2 * max_shift
     whence = grids[:, None] * (rows * width) + np.arange(2 * max_shift + 1)
     together = np.empty((len(ends), rows), np.intp)
@@ -77,13 +79,10 @@ def trace_back(
     return together
 
 
-def _trace_one(best: Floats, end: int, max_shift: int, cost: Vector) -> NDArray[np.intp]:
-    """Columns (N,) of one path through `best` (N, M)."""
-    rows, columns = best.shape
-    path = np.empty(rows, np.intp)
-    at = path[-1] = end
-    for row in range(rows - 1, 0, -1):
-        low, high = max(at - max_shift, 0), min(at + max_shift + 1, columns)
-        near = best[row - 1, low:high] - cost[low - at + max_shift : high - at + max_shift]
-        at = path[row - 1] = low + int(near.argmax())
-    return path
+def _trace_one(padded: Floats, end: int, cost: Vector) -> list[int]:
+    """Columns (N,) of one path through the `padded` sums (N, M + len(cost) - 1)."""
+    path, at, width = [end], end, len(cost)
+    for row in padded[-2::-1]:
+        at = max(at + int((row[at : at + width] - cost).argmax()) - width // 2, 0)
+        path.append(at)
+    return path[::-1]

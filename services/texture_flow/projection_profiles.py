@@ -24,24 +24,34 @@ def scan_directions(
     horizontal. Box filters along the rows then give the profiles of all windows together, box filters along the columns
     those of the direction a quarter turn further.
     """
+    if not len(centres):
+        return np.empty((0, 2 * len(quarter)))
     rows, columns = ink.shape
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     width, height = (max(round(v) | 1, 3) for v in window)
     reach = np.arange(-(height // 2), height // 2 + 1)
     # Half a window is added on all sides for the windows that reach beyond the turned image.
     side = int(np.ceil(np.hypot(rows, columns))) + 2 + 2 * (height // 2)
-    energies = np.empty((len(centres), 2, len(quarter)))
+    profiles = np.empty((len(centres), 2, len(quarter), len(reach)), np.float32)
+    corners = np.array([[0, 0], [columns - 1, 0], [0, rows - 1], [columns - 1, rows - 1]])
     for k, angle in enumerate(quarter):
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, s], [-s, c]])  # photo -> turned frame
         shift = (side - 1) / 2 - turn @ middle
         turned = cv2.warpAffine(ink, np.column_stack([turn, shift]), (side, side), flags=cv2.INTER_LINEAR)
-        x, y = np.round(centres @ turn.T + shift).astype(int).T
-        profile = cv2.blur(turned, (width, 1), borderType=cv2.BORDER_CONSTANT)
-        energies[:, 0, k] = profile[y[:, None] + reach, x[:, None]].std(axis=1)
-        profile = cv2.blur(turned, (1, width), borderType=cv2.BORDER_CONSTANT)
-        energies[:, 1, k] = profile[y[:, None], x[:, None] + reach].std(axis=1)
-    return energies.reshape(len(centres), -1)
+        at = np.round(centres @ turn.T + shift).astype(int)
+        # Beyond the ink and the windows, sums are of nothing and for nothing.
+        ends = corners @ turn.T + shift
+        low = np.minimum(np.floor(ends.min(axis=0)).astype(int) - 2, at.min(axis=0) + reach[0])
+        high = np.maximum(np.ceil(ends.max(axis=0)).astype(int) + 3, at.max(axis=0) + reach[-1] + 1)
+        low, high = np.maximum(low, 0), np.minimum(high, side)
+        turned = turned[low[1] : high[1], low[0] : high[0]]
+        x, y = (at - low).T
+        for which, (box, step) in enumerate((((width, 1), turned.shape[1]), ((1, width), 1))):
+            summed = cv2.blur(turned, box, borderType=cv2.BORDER_CONSTANT | cv2.BORDER_ISOLATED)
+            places = (y * turned.shape[1] + x)[:, None] + reach * step
+            profiles[:, which, k] = np.asarray(summed).ravel().take(places)
+    return np.asarray(profiles.std(axis=-1, dtype=np.float32).reshape(len(centres), -1), np.float64)
 
 
 def sample_windows(
@@ -67,7 +77,7 @@ def sample_windows(
         rims = at[part, None, :] + v[None, :, None] * dv[part, None, :]  # (n, rows, 2)
         x = (rims[:, :, 0, None] + u * du[part, None, 0, None]).reshape(-1, columns)
         y = (rims[:, :, 1, None] + u * du[part, None, 1, None]).reshape(-1, columns)
-        windows[part] = cv2.remap(image, x, y, cv2.INTER_LINEAR).reshape(-1, rows, columns)
+        cv2.remap(image, x, y, cv2.INTER_LINEAR, dst=windows[part].reshape(-1, columns))
     return windows
 
 

@@ -61,11 +61,11 @@ def regress_directions(
     w = samples.weights
     values = np.stack([w * np.cos(2 * samples.angles), w * np.sin(2 * samples.angles)])
     i, j = np.array([(total - k, k) for total in range(order + 1) for k in range(total + 1)]).T
-    second = _moments(gx, gy, w[None])[0]
+    second = _moments(gx, gy, w[None], 2 * order)[:, :, 0]
     # Terms first, nodes (R, C) last.
     normal = second[j[:, None] + j, i[:, None] + i]
-    right = _moments(gx[: order + 1], gy[: order + 1], values)[:, j, i].swapaxes(0, 1)
-    far_weight, *far_values = _moments(far_x, far_y, np.concatenate([w[None], values]))[:, 0, 0]
+    right = _moments(gx, gy, values, order)[j, i]
+    far_weight, *far_values = _moments(far_x, far_y, np.concatenate([w[None], values]), 0)[0, 0]
     # No samples at all: direction 0.
     far = np.stack(far_values) / np.maximum(far_weight, 1e-12)
     # The far field enters as a weak observation of the value, zero as a weak one of the slopes.
@@ -81,12 +81,19 @@ def regress_directions(
     return np.moveaxis(right[0] / normal[0, 0], 0, -1), 1 / normal[0, 0]
 
 
-def _moments(fx: Floats, fy: Floats, weights: Floats) -> Floats:
-    """Sums (K, P, Q, R, C) over N samples of weights (K, N) times `fy` (P, R, N) times `fx` (Q, C, N)."""
-    (powers, rows, size), (others, columns, _) = fy.shape, fx.shape
-    left = (weights[:, None, None] * fy).reshape(len(weights) * powers * rows, size)
-    found = left @ fx.reshape(others * columns, size).T
-    return np.asarray(found.reshape(-1, powers, rows, others, columns).transpose(0, 1, 3, 2, 4))
+def _moments(fx: Floats, fy: Floats, weights: Floats, highest: int) -> Floats:
+    """Sums (P, Q, K, R, C) over N samples of weights (K, N) times `fy` (P, R, N) times `fx` (Q, C, N).
+
+    Only those of the powers p + q up to `highest` are computed.
+    """
+    (rows, size), columns = fy.shape[1:], fx.shape[1]
+    found = np.empty((highest + 1, highest + 1, len(weights), rows, columns))
+    for power in range(highest + 1):
+        others = highest + 1 - power
+        left = (weights[:, None] * fy[power]).reshape(len(weights) * rows, size)
+        sums = left @ fx[:others].reshape(others * columns, size).T
+        found[power, :others] = sums.reshape(len(weights), rows, others, columns).transpose(2, 0, 1, 3)
+    return found
 
 
 def _weighted_powers(d: Floats, highest: int) -> Floats:

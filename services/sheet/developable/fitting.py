@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from services.arrays import Floats, Vector
 from services.geometry.camera import rotation_from_vector
@@ -13,6 +12,10 @@ from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.developable.residuals import BENDS, SLANT, PageResiduals
 from services.sheet.developable.surface import BendBasis, DevelopableSurface
 from services.sheet.developable.variation import LOG_FOCAL, TURN
+from services.trust_region import least_squares
+
+LEAST_STEP = 1e-6
+"""Relative change of the unknowns below which a fit ends."""
 
 LEAST_SHOWN = 0.3
 """Of the deviations assumed: a fit may follow its observations."""
@@ -81,16 +84,7 @@ def fit_surface(
     residuals = PageResiduals(start.rotation, start.anchor, start.basis, observed, x0, p)
     scale = np.concatenate([[0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1, 0.01], np.ones(len(x0) - BENDS)])
     scale[len(x0) - len(free) :] = 0.1
-    fit = least_squares(
-        lambda x: residuals.evaluate(x)[0],
-        x0,
-        jac=lambda x: residuals.evaluate(x)[1],
-        method="trf",
-        x_scale=scale,
-        max_nfev=p.max_evaluations,
-        ftol=p.least_gain,
-        xtol=1e-6,
-    )
+    fit = least_squares(residuals.evaluate, x0, scale, p.max_evaluations, p.least_gain, LEAST_STEP)
     parts = residuals.parts(fit.x)
     rotation = start.rotation @ rotation_from_vector(fit.x[TURN])
     surface = residuals.surface(fit.x)

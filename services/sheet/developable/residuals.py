@@ -121,15 +121,12 @@ class PageResiduals:
         surface = self.surface(x)
         at = surface.unroll(self.print.points - self.principal_point(x))
         turn = self.rotation @ rotation_from_vector(x[TURN]) @ _right_jacobian(x[TURN])
-        moved = vary_page(surface, at, turn)
-        by_slant = np.zeros((len(moved), 2, 1))
-        parts = [moved[:, :, :SLANT], by_slant, moved[:, :, SLANT:]]
+        moved = vary_page(surface, at, turn, still=BENDS - SLANT)
         if self.observed.principal_point:
             # The origin of the sheet keeps its place in the photo: points at its depth do not move.
             nearer = surface.focal / at.X[:, 2] - 1
-            parts.append(at.jacobians * nearer[:, None, None])
-        # As in `vary_page` the points come last in memory.
-        return at, np.concatenate([part.transpose(2, 1, 0) for part in parts]).transpose(2, 1, 0)
+            moved = np.concatenate([moved, at.jacobians * nearer[:, None, None]], axis=2)
+        return at, moved
 
     def parts(self, x: Vector) -> dict[str, Residual]:
         """Residuals of the print, the sides, and `crossing`, before any loss."""
@@ -190,16 +187,19 @@ class PageResiduals:
     def _tilt(self, x: Vector, step: float = 1e-5) -> tuple[Vector, Floats]:
         """The normal's angle from the optical axis as a vector (2,), and its derivative by differences."""
 
-        def tilt(turn: Vector) -> Vector:
-            N = self.rotation @ rotation_from_vector(turn)[:, 2]
-            sine = max(float(np.hypot(N[0], N[1])), 1e-9)
-            return np.asarray(N[:2] * np.arccos(np.clip(N[2], -1, 1)) / sine)
-
+        turns = x[TURN] + step * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+        angles = np.maximum(np.linalg.norm(turns, axis=1), 1e-300)
+        a, b, c = (turns / angles[:, None]).T
+        sine, cosine = np.sin(angles), np.cos(angles)
+        # Third columns of the rotations, by Rodrigues' formula.
+        normals = np.stack([(1 - cosine) * a * c + sine * b, (1 - cosine) * b * c - sine * a, cosine], axis=1)
+        normals[:, 2] += (1 - cosine) * c * c
+        N = normals @ self.rotation.T
+        sines = np.maximum(np.hypot(N[:, 0], N[:, 1]), 1e-9)
+        tilts = N[:, :2] * (np.arccos(np.clip(N[:, 2], -1, 1)) / sines)[:, None]
         slope = np.zeros((2, len(x)))
-        for axis in range(3):
-            d = step * np.eye(3)[axis]
-            slope[:, axis] = (tilt(x[TURN] + d) - tilt(x[TURN] - d)) / (2 * step)
-        return tilt(x[TURN]), slope
+        slope[:, TURN] = (tilts[1:4] - tilts[4:]).T / (2 * step)
+        return tilts[0], slope
 
     def evaluate(self, x: Vector) -> tuple[Vector, Floats]:
         """Residuals (n,) under their losses, with the priors, and their derivatives (n, M)."""

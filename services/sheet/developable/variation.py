@@ -19,84 +19,93 @@ GLOBAL = SLOPES.stop
 """Parameters before the bends (and before the type's slant, which moves nothing)."""
 
 
-def vary_page(surface: DevelopableSurface, at: Unrolled, turn: Floats | None = None) -> Floats:
-    """Derivatives (N, 2, 7 + K) of the page points by turn, log focal length, skew, slopes and bends.
+def vary_page(
+    surface: DevelopableSurface, at: Unrolled, turn: Floats | None = None, still: int = 0
+) -> Floats:
+    """Derivatives (N, 2, 7 + `still` + K) of the page points by turn, log focal length, skew, slopes and bends.
 
-    The turn's three numbers are about the columns of `turn` (3, 3), the camera's axes unless given. In memory the
-    points come last, so that the residuals' sums run along it.
+    The turn's three numbers are about the columns of `turn` (3, 3), the camera's axes unless given. Before the bends
+    come `still` columns of zeros, for parameters that move nothing.
     """
     s, t = np.ascontiguousarray(at.sheet.T)
     X, A, R, centred = at.X.T, at.A.T, at.R.T, at.centred.T
-    n, count = len(s), len(surface.bends)
-    dX = np.empty((GLOBAL + count, 3, n))
-    arm = X - np.array([*surface.anchor, surface.focal])[:, None]
-    axes = np.eye(3) if turn is None else turn
-    dX[TURN] = cross(axes.T[:, :, None], arm)
-    dX[LOG_FOCAL] = np.array([0.0, 0.0, surface.focal])[:, None]
-    origin = int(np.argmin(np.abs(surface.basis.nodes)))
-    dX[SKEW] = cross(-surface.rotation[:, 2:], arm)
-    turns, shifts = _tables(surface, origin)
-    dphi, dP = _at(surface, s, *turns), _at(surface, s, *shifts)
-    dX[SLOPES.start :] = dP
-    dX[SLOPES.start :] += cross(dphi, t * R)
-    slopes = (s, s * s)
-    for j in (0, 1):
-        dX[SLOPES.start + j] += t * slopes[j] * A
-    # moved = -J (f dX - x dX_z) / Z
+    moved = np.zeros((len(s), 2, GLOBAL + still + len(surface.bends)))
+    # A point that moves by dX moves on the page by G dX = -J (f dX - x dX_z) / Z.
     J = at.jacobians.transpose(1, 2, 0) / X[2]
-    moved = np.empty((GLOBAL + count, 2, n))
-    for i in (0, 1):
-        np.multiply(dX[:, 0], -surface.focal * J[i, 0], out=moved[:, i])
-        moved[:, i] -= dX[:, 1] * (surface.focal * J[i, 1])
-        moved[:, i] += dX[:, 2] * (J[i, 0] * centred[0] + J[i, 1] * centred[1])
+    G = np.empty((2, 3, len(s)))
+    G[:, :2] = -surface.focal * J
+    G[:, 2] = J[:, 0] * centred[0] + J[:, 1] * centred[1]
+    # Where the frame turns by d phi, dX = d phi x arm, so that G dX = d phi (arm x G).
+    arm = X - np.array([*surface.anchor, surface.focal])[:, None]
+    turned = cross(arm, G)
+    axes = np.column_stack([np.eye(3) if turn is None else turn, -surface.rotation[:, 2]])
+    by_axes = turned.transpose(2, 0, 1) @ axes
+    moved[:, :, TURN], moved[:, :, SKEW] = by_axes[..., :3], by_axes[..., 3]
     # A longer focal length also moves the image itself.
-    moved[LOG_FOCAL] -= np.einsum("ijn,jn->in", J, X[2] * centred)
-    u, v = at.page.T
-    moved[SKEW, 0] += v
-    moved[SKEW, 1] -= u
-    c, d = np.cos(surface.skew_rad), np.sin(surface.skew_rad)
-    for j in (0, 1):
-        moved[SLOPES.start + j, 0] += c * t * slopes[j]
-        moved[SLOPES.start + j, 1] -= d * t * slopes[j]
-    return moved.transpose(2, 1, 0)
+    moved[:, :, LOG_FOCAL] = (surface.focal * G[:, 2] - X[2] * G[:, 2]).T
+    moved[:, 0, SKEW] += at.page[:, 1]
+    moved[:, 1, SKEW] -= at.page[:, 0]
+    of_tables = _sum_tables(surface, s, np.concatenate([cross(t * R, G), G], axis=1))
+    moved[:, :, SLOPES], moved[:, :, GLOBAL + still :] = of_tables[..., :2], of_tables[..., 2:]
+    along = (G[:, 0] * A[0] + G[:, 1] * A[1] + G[:, 2] * A[2]).T
+    along += np.array([np.cos(surface.skew_rad), -np.sin(surface.skew_rad)])
+    moved[:, :, SLOPES.start] += along * (t * s)[:, None]
+    moved[:, :, SLOPES.start + 1] += along * (t * s * s)[:, None]
+    return moved
 
 
-def _tables(surface: DevelopableSurface, origin: int) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """d phi and dP (2 + K, 3, n) at the nodes for the slopes and bends, zero at s = 0, each with its rate in s."""
-    basis = surface.basis
-    s = basis.nodes
-    k = basis.values @ surface.bends
-    A = np.ascontiguousarray(surface.A.T)
-    turning = np.concatenate(
-        [A * (k * np.stack([s, s * s]))[:, None], surface.R.T * np.ascontiguousarray(basis.values.T)[:, None]]
-    )
-    turns = _integrate(turning, s, origin)
-    shifting = cross(turns, A)
-    return (turns, turning), (_integrate(shifting, s, origin), shifting)
+def _sum_tables(surface: DevelopableSurface, s: Vector, factors: Floats) -> Floats:
+    """Sums (N, 2, 2 + K) of d phi and dP at `s` (N,), of slopes and bends, times their `factors` (2, 6, N).
 
-
-def _integrate(rates: Floats, s: Vector, origin: int) -> Floats:
-    """Integral (M, 3, n) over s of `rates` (M, 3, n) by the trapezoidal rule, from s = 0."""
-    step = float(s[1] - s[0])
-    total = np.zeros_like(rates)
-    np.cumsum(0.5 * step * (rates[..., 1:] + rates[..., :-1]), axis=-1, out=total[..., 1:])
-    at_zero = total[..., origin] - s[origin] * rates[..., origin]
-    return np.asarray(total - at_zero[..., None])
-
-
-def _at(surface: DevelopableSurface, s: Vector, table: Floats, rates: Floats) -> Floats:
-    """Values (M, 3, N) of a table (M, 3, n) at s (N,).
-
-    Parabolas whose slopes at the nodes are the `rates`: the directions of flows are differences within a span, and
-    linear interpolation would have errors of some percent.
+    Between two nodes they are parabolas whose slopes at the nodes are their rates: the directions of flows are
+    differences within a span, and linear interpolation would have errors of some percent. Points between the same two
+    nodes need the same part of the tables, and make one product of matrices.
     """
     nodes = surface.basis.nodes
     step = float(nodes[1] - nodes[0])
     left = np.clip(((s - nodes[0]) / step).astype(int), 0, len(nodes) - 2)
-    x = (s - nodes[left]) / step
-    rise = np.maximum(x * (1 - x), 0.0)  # straight beyond the table
-    found = np.diff(table, axis=-1).take(left, axis=-1)
-    found *= x
-    found += table.take(left, axis=-1)
-    found += rise * (0.5 * step * (rates[..., :-1] - rates[..., 1:])).take(left, axis=-1)
-    return np.asarray(found)
+    order = np.argsort(left, kind="stable")
+    x = ((s - nodes[left]) / step)[order]
+    rise = 0.5 * step * np.maximum(x * (1 - x), 0.0)  # straight beyond the table
+    shares = np.stack([np.ones_like(x), x, rise], axis=1)
+    ordered = np.ascontiguousarray(factors.take(order, axis=2).transpose(2, 0, 1))
+    weights = (shares[:, None, :, None] * ordered[:, :, None]).reshape(-1, 18)
+    values, rates = _tables(surface)
+    spans = np.empty((len(nodes) - 1, 18, values.shape[2]))
+    spans[:, :6] = values[:-1]
+    np.subtract(values[1:], values[:-1], out=spans[:, 6:12])
+    np.subtract(rates[:-1], rates[1:], out=spans[:, 12:])
+    sums = np.empty((len(weights), values.shape[2]))
+    begin = 0
+    for span, end in zip(spans, 2 * np.cumsum(np.bincount(left, minlength=len(spans))), strict=True):
+        if end > begin:
+            np.dot(weights[begin:end], span, out=sums[begin:end])
+            begin = end
+    places = np.empty_like(order)
+    places[order] = np.arange(len(order))
+    return sums.reshape(len(s), 2, -1).take(places, axis=0)
+
+
+def _tables(surface: DevelopableSurface) -> tuple[Floats, Floats]:
+    """d phi and dP (n, 6, 2 + K) at the nodes for the slopes and bends, zero at s = 0, and their rates in s."""
+    basis = surface.basis
+    s = basis.nodes
+    bend = basis.values @ surface.bends
+    rates = np.empty((len(s), 6, 2 + len(surface.bends)))
+    rates[:, :3, :2] = (bend[:, None] * surface.A)[:, :, None] * np.stack([s, s * s], axis=1)[:, None]
+    rates[:, :3, 2:] = surface.R[:, :, None] * basis.values[:, None]
+    values = np.empty_like(rates)
+    values[:, :3] = _integrate(rates[:, :3], s)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rates[:, 3 + i] = values[:, j] * surface.A[:, k, None] - values[:, k] * surface.A[:, j, None]
+    values[:, 3:] = _integrate(rates[:, 3:], s)
+    return values, rates
+
+
+def _integrate(rates: Floats, s: Vector) -> Floats:
+    """Integral (n, 3, M) over s of `rates` (n, 3, M) by the trapezoidal rule, from s = 0."""
+    step = float(s[1] - s[0])
+    origin = int(np.argmin(np.abs(s)))
+    total = np.zeros_like(rates)
+    np.cumsum(0.5 * step * (rates[1:] + rates[:-1]), axis=0, out=total[1:])
+    return np.asarray(total - (total[origin] - s[origin] * rates[origin]))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized
-from services.imaging.channels import length_of_channels
+from services.imaging.channels import length_of_channels, strongest_channel
 from services.imaging.reduction import GROUND_PX, Halves
 
 
@@ -128,7 +128,7 @@ def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, i
     Bands are as long as the photo and equally wide on both sides, and what follows them begins everywhere at once;
     a sheet on a black ground does not.
     """
-    dark = small.max(axis=2) <= p.band_level
+    dark = strongest_channel(small) <= p.band_level
     x0, x1 = _trimmed(dark, p)
     y0, y1 = _trimmed(dark[:, x0 : x1 + 1].T, p)
     return x0, y0, x1, y1

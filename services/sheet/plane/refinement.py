@@ -8,16 +8,16 @@ Where sides of the sheet are seen, they also lie along two directions at right a
 usually small angle.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from services.arrays import Floats, Homography, Points, Vector
+from services.arrays import Floats, Points, Vector
 from services.geometry.camera import PrincipalPointPrior, rotation_from_vector
 from services.geometry.focal_prior import FOCAL, MAX_FOCAL, MIN_FOCAL, FocalPrior
-from services.geometry.homographies import jacobians, transform_points, translation
+from services.geometry.homographies import directions, jacobians, transform_points, translation
 from services.geometry.planar import PagePlane
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.robust import CAUCHY_WIDTH, cauchy, soft_l1
@@ -32,6 +32,7 @@ from services.sheet.plane.flat_lines import (
 )
 from services.sheet.plane.straight_lines import StraightLines, side_directions, side_skew
 from services.texture_flow.field import FlowSamples
+from services.trust_region import least_squares
 
 LEAST_GAIN = 1e-6
 """Relative decrease of the cost below which a fit ends: a thousandth of a deviation in the unknowns."""
@@ -85,10 +86,10 @@ class FlowObservations:
 
         `H` (..., 3, 3) are the maps to flat views; of several, `slant_rad` has as many dimensions as the result.
         """
-        t = np.einsum("...nij,nj->...ni", jacobians(H, self.major.points), self.major_tangent)
-        along = np.arctan(t[..., 1] / np.where(t[..., 0] == 0, 1e-12, t[..., 0]))
-        s = np.einsum("...nij,nj->...ni", jacobians(H, self.minor.points), self.minor_tangent)
-        across = np.arctan(s[..., 0] / np.where(s[..., 1] == 0, 1e-12, s[..., 1]))
+        x, y = directions(H, self.major.points, self.major_tangent)
+        along = np.arctan(y / np.where(x == 0, 1e-12, x))
+        x, y = directions(H, self.minor.points, self.minor_tangent)
+        across = np.arctan(x / np.where(y == 0, 1e-12, y))
         found = [along / self.major_deviation, (across - slant_rad) / self.minor_deviation]
         return np.concatenate(found, axis=-1)
 
@@ -177,20 +178,24 @@ def refine_plane(
     flows, terms = observe_flows(major, minor, points, p), LineTerms(observations, p)
 
     def plane_of(x: Vector) -> PagePlane:
-        focal = float(np.clip(np.exp(x[3]), MIN_FOCAL, MAX_FOCAL))
+        focal = min(max(math.exp(min(float(x[3]), 700.0)), MIN_FOCAL), MAX_FOCAL)
         return PagePlane(start.rotation @ rotation_from_vector(x[:3]), focal)
 
-    def flatten(x: Vector) -> Homography:
-        H = np.linalg.inv(plane_of(x).H_centred_plane)
-        return H if principal_point is None else np.asarray(H @ translation(-float(x[5]), -float(x[6])))
+    def flatten(X: Floats) -> Floats:
+        """The flat views (K, 3, 3; plane <- centred) of K vectors of unknowns."""
+        H = np.linalg.inv(np.stack([plane_of(x).H_centred_plane for x in X]))
+        if principal_point is None:
+            return H
+        return np.asarray(H @ np.stack([translation(-float(x[5]), -float(x[6])) for x in X]))
 
     def tilt(x: Vector) -> Vector:
         N = (start.rotation @ rotation_from_vector(x[:3]))[:, 2]
-        return np.asarray(N[:2] * np.arccos(np.clip(N[2], -1, 1)) / max(float(np.hypot(N[0], N[1])), 1e-9))
+        angle = math.acos(min(max(float(N[2]), -1.0), 1.0))
+        return np.asarray(N[:2] * (angle / max(math.hypot(N[0], N[1]), 1e-9)))
 
     def residuals_at(X: Floats) -> Floats:
         """Residuals (K, N) at K vectors of unknowns (K, P); together they take little longer than one."""
-        H = np.stack([flatten(x) for x in X])
+        H = flatten(X)
         lines = terms.at(H)
         # Observations may be outliers, so they have a robust loss; priors are squared.
         robust = [flows.residuals(H, X[:, 4:5]), lines.baselines, lines.spacings]
@@ -213,14 +218,11 @@ def refine_plane(
             parts.append((x[5:7] - principal_point.mean) / np.array(principal_point.deviations))
         return np.concatenate(parts)
 
-    def residuals(x: Vector) -> Vector:
-        return np.asarray(residuals_at(x[None])[0])
-
-    def differences(x: Vector) -> Floats:
-        """Jacobian (N, P) of `residuals` by forward differences."""
+    def evaluate(x: Vector) -> tuple[Vector, Floats]:
+        """Residuals (N,), and their derivatives (N, P) by forward differences."""
         steps = DIFFERENCE_STEP * np.where(x < 0, -1.0, 1.0) * np.maximum(np.abs(x), 1.0)
         found = residuals_at(np.concatenate([x[None], x + np.diag(steps)]))
-        return np.asarray((found[1:] - found[0]).T / steps)
+        return found[0], np.asarray((found[1:] - found[0]).T / steps)
 
     x0 = np.array([0.0, 0.0, 0.0, np.log(start.focal), SLANT_MEAN_RAD])
     x_scale = [TURN_STEP_RAD, TURN_STEP_RAD, TURN_STEP_RAD, FOCAL_STEP, TURN_STEP_RAD]
@@ -230,9 +232,7 @@ def refine_plane(
     if principal_point is not None:
         x0 = np.append(x0, principal_point.start)
         x_scale += [SHIFT_STEP, SHIFT_STEP]
-    fit = least_squares(
-        residuals, x0, differences, x_scale=x_scale, max_nfev=MOST_EVALUATIONS, ftol=LEAST_GAIN
-    )
+    fit = least_squares(evaluate, x0, np.array(x_scale), MOST_EVALUATIONS, LEAST_GAIN)
     drawn = abs(float(fit.x[3]) - prior.log_focal)
     if principal_point is None and prior.source == "assumed" and drawn > p.believable_focal * prior.deviation:
         held = FocalPrior(prior.log_focal, min(FOCAL.held_deviation, prior.deviation), "assumed")
@@ -240,7 +240,7 @@ def refine_plane(
             PagePlane(start.rotation, float(np.exp(prior.log_focal))), held, major, minor, points, observations,
             replace(p, believable_focal=np.inf), sides,
         )  # fmt: skip
-    before = 0.5 * float(np.sum(residuals(x0) ** 2))
+    before = 0.5 * float(np.sum(residuals_at(x0[None]) ** 2))
     information = fit.jac.T @ fit.jac
     refined = plane_of(fit.x)
     return RefinedPlane(
@@ -251,7 +251,7 @@ def refine_plane(
         float(fit.cost),
         before,
         len(observations.starts),
-        terms.at(flatten(fit.x)).scales(),
+        terms.at(flatten(fit.x[None])[0]).scales(),
         float(fit.x[5]) if has_sides else 0.0,
         (0.0, 0.0) if principal_point is None else (float(fit.x[5]), float(fit.x[6])),
     )

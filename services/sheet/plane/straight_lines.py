@@ -149,6 +149,10 @@ def along_axes(plane: PagePlane, sides: StraightLines) -> StraightLines:
     return sides if abs(side_skew(plane, sides)) <= np.pi / 4 else sides.with_axes(~sides.upright)
 
 
+_TURNED = np.stack([np.cross(turn, np.eye(3)[:2]) for turn in np.eye(3)])
+"""How each of three small turns moves the page's axes (3, 2, 3)."""
+
+
 def _angles(rotation: Floats, focal: float, lines: StraightLines) -> Vector:
     """Signed angles (N,) from the lines to the way to the vanishing points of their axes."""
     along = lines.ends - lines.starts
@@ -164,12 +168,12 @@ def _directions(rotation: Floats, focal: float, lines: StraightLines) -> tuple[V
     """The angles (N,) and their derivatives (N, 4) by rotation vector (on the page's side) and log focal length."""
     along = (lines.ends - lines.starts) / lines.lengths[:, None]
     middle = 0.5 * (lines.starts + lines.ends)
-    axis = np.eye(3)[lines.upright.astype(int)]
+    upright = lines.upright.astype(int)
     # Columns: the vanishing point, and its derivatives: d R exp([w]) e / dw_j = R (e_j x e).
     V = np.empty((len(lines), 3, 5))
-    V[:, :, 0] = axis @ rotation.T
+    V[:, :, 0] = rotation.T[upright]
     for j in range(3):
-        V[:, :, 1 + j] = np.cross(np.eye(3)[j], axis) @ rotation.T
+        V[:, :, 1 + j] = _TURNED[j, upright] @ rotation.T
     V[:, :2, :4] *= focal
     V[:, :2, 4], V[:, 2, 4] = V[:, :2, 0], 0.0
     way = V[:, :2] - middle[:, :, None] * V[:, 2:]

@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 from services.arrays import Homography, Points
 from services.geometry.homographies import (
     denominators,
+    directions,
     from_resized,
     jacobians,
     resizing,
@@ -48,6 +49,15 @@ def test_chains_read_by_adjacent_letters(H_b_a: Homography, H_c_b: Homography, p
 def test_scale_of_the_matrix_means_nothing(H: Homography, points: Points, s: float, sign: float) -> None:
     assert np.allclose(transform_points(sign * s * H, points), transform_points(H, points))
     assert np.allclose(jacobians(sign * s * H, points), jacobians(H, points))
+
+
+@given(homographies(), POINTS, POINTS, st.sampled_from([-1.0, 1.0]))
+def test_directions_are_those_of_the_jacobians(
+    H: Homography, points: Points, ways: Points, sign: float
+) -> None:
+    w = denominators(H, points)
+    moved = np.einsum("nij,nj->in", jacobians(H, points), ways)
+    assert np.allclose(directions(sign * H, points, ways), moved * w**2, atol=1e-12)
 
 
 @given(homographies(), POINTS)

@@ -72,6 +72,14 @@ def test_derivatives_by_the_number_of_bends() -> None:
         assert np.isfinite(moved).all()
 
 
+def test_columns_of_what_moves_nothing_come_before_the_bends() -> None:
+    surface = Bent().surface()
+    at = surface.unroll(surface.to_photo(PAGE))
+    usual, wider = vary_page(surface, at), vary_page(surface, at, still=2)
+    assert np.array_equal(np.delete(wider, [GLOBAL, GLOBAL + 1], axis=2), usual)
+    assert not wider[:, :, GLOBAL : GLOBAL + 2].any()
+
+
 def test_nothing_moves_at_the_anchor_but_by_turning_round_it() -> None:
     surface = Bent().surface()
     moved = vary_page(surface, surface.unroll(np.array([[0.05, -0.08]])))
