@@ -201,7 +201,6 @@ class FeedbackSummary:
     verified_class: str | None
     zones: int
     wrong_zones: int
-    class_wrong: bool
     versions: Mapping[str, tuple[int | None, int]]
     without_effect: Mapping[str, NoEffect]
     sample_id: str | None

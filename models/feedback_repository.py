@@ -191,7 +191,6 @@ class FeedbackRepository(Transactions):
                 verified_class=row.verified_class,
                 zones=row.zones,
                 wrong_zones=row.wrong_zones,
-                class_wrong=row.class_wrong,
                 versions=versions.get(row.id, {}),
                 without_effect={
                     model: effect

@@ -113,7 +113,6 @@ class StoredJob:
 
     id: str
     owner: str | None
-    operation: str
     request: RequestJson
     input_key: str | None
     state: JobState
@@ -126,7 +125,6 @@ class StoredJob:
     ended_at: datetime | None
     answer: HeadJson | None
     answer_key: str | None
-    answer_bytes: int
     problem: ProblemJson | None
     callback_url: str | None
     deliveries: tuple[Delivery, ...] = ()

@@ -80,7 +80,6 @@ def stored_job(row: JobRow | Row[Any]) -> StoredJob:
     return StoredJob(
         id=row.id,
         owner=row.owner,
-        operation=row.operation,
         request=decode_document(row.request, RequestJson),
         input_key=row.input_key,
         state=cast(JobState, row.state),
@@ -93,7 +92,6 @@ def stored_job(row: JobRow | Row[Any]) -> StoredJob:
         ended_at=row.ended_at,
         answer=None if row.answer is None else decode_document(row.answer, HeadJson),
         answer_key=row.answer_key,
-        answer_bytes=row.answer_bytes,
         problem=None if row.problem is None else decode_document(row.problem, ProblemJson),
         callback_url=row.callback_url,
         deliveries=tuple(deliveries_of(row)),

@@ -43,9 +43,7 @@ class KeptPageRepository(Transactions):
             row = _row(session, page_id)
             if row.expires_at <= self._clock():
                 raise _missing(page_id)
-            return StoredPage(
-                row.id, decode_document(row.document, KeptPageJson), row.created_at, row.expires_at, row.owner
-            )
+            return StoredPage(row.id, decode_document(row.document, KeptPageJson), row.created_at, row.owner)
 
     def change_kept_page(self, page_id: str, document: Document) -> None:
         """Replace the document of a page. Raises `KeptPageNotFound`."""

@@ -131,12 +131,11 @@ class StoredResult:
 
 @dataclass(frozen=True, slots=True)
 class StoredPage:
-    """A page whose photo is kept until `expires_at`."""
+    """A page whose photo is kept for some time."""
 
     id: str
     document: KeptPageJson
     created_at: datetime
-    expires_at: datetime
     owner: str | None
 
 

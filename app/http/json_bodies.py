@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from fastapi import Request
 from pydantic import BaseModel, ValidationError
 
+from app.http.form_parts import LONGEST_NAME
 from app.http.known_options import no_such_option
 from services.errors import InvalidOption, TooLarge
 
@@ -18,7 +19,6 @@ _KIND = re.compile(
     r"(constrained-|function-)\w+.*|(literal|list|tuple|dict|nullable)\[.*\]|int|float|str|bool"
 )
 """What pydantic adds to the place of a value that may be of several types."""
-_LONGEST_FIELD = 80
 _AT_ONCE_BYTES = 8192
 """Longer bodies are read in a thread."""
 
@@ -87,7 +87,7 @@ def _check_names(body: bytes) -> None:
     def check(pairs: list[tuple[str, Any]]) -> None:
         names: set[str] = set()
         for name, _ in pairs:
-            shown = ascii(name)[1:-1][:_LONGEST_FIELD]
+            shown = ascii(name)[1:-1][:LONGEST_NAME]
             if name in names:
                 raise InvalidOption(f"{shown}: this name appears twice in one object; send it once.", shown)
             names.add(name)
@@ -105,7 +105,7 @@ def _told(error: ValidationError, model: type[BaseModel]) -> InvalidOption:
     # Which of several types was tried is no place.
     place = [part for index, part in enumerate(first["loc"]) if not index or not _KIND.fullmatch(str(part))]
     steps = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place)
-    field = steps.removeprefix(".")[:_LONGEST_FIELD] or "body"
+    field = steps.removeprefix(".")[:LONGEST_NAME] or "body"
     if first["type"] == "extra_forbidden":
         names = _names_of(model, is_nested=len(first["loc"]) > 1)
         return InvalidOption(f"{field}: {no_such_option(str(first['loc'][-1]), names)}", field)
@@ -117,7 +117,7 @@ def _told(error: ValidationError, model: type[BaseModel]) -> InvalidOption:
     if not first["loc"]:
         return InvalidOption(f"body: {reason}.", field)
     shown = ascii(first["input"])
-    shown = shown if len(shown) <= _LONGEST_FIELD else shown[: _LONGEST_FIELD - 3] + "..."
+    shown = shown if len(shown) <= LONGEST_NAME else shown[: LONGEST_NAME - 3] + "..."
     return InvalidOption(f"{field}: {reason}; got {shown}.", field)
 
 

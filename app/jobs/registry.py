@@ -33,8 +33,6 @@ from services.errors import DocumentError
 log = logging.getLogger(__name__)
 
 KEY_HEADER = "Idempotency-Key"
-MOST_KEY_CHARACTERS = 200
-"""Longest Idempotency-Key."""
 ORPHANED_AFTER = timedelta(hours=1)
 """Age from which a blob without a job is one that a crash has left."""
 _FORM_HEADS_BYTES = 64 * 1024

@@ -31,8 +31,6 @@ from services.contract.layout import ModelDocument
 
 router = APIRouter(prefix="/layout/models/{name}", tags=["layout models"])
 
-MOST_CHANGES = 1000
-
 
 @router.get(
     "/versions",
@@ -85,7 +83,7 @@ async def layout_model_diff(
         int,
         Query(
             ge=0,
-            le=MOST_CHANGES,
+            le=MOST_LISTED,
             description="Largest number of changes in the response, largest first; `total` counts all.",
         ),
     ] = 100,

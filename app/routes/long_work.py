@@ -13,11 +13,12 @@ from app.http.form_parts import has_form
 from app.http.sent_request import digest_of
 from app.http.wishes import RESPOND_ASYNC, prefers_async
 from app.jobs.callback_request import parse_callback_url
-from app.jobs.registry import KEY_HEADER, MOST_KEY_CHARACTERS, Repeatable
+from app.jobs.registry import KEY_HEADER, Repeatable
 from app.jobs.stored_request import RUN, JobRun
 from app.schemas.jobs import JobDelivery, JobLinks, JobStatus
 from app.state import AppState
 from models.job_records import StoredJob
+from models.records import MAX_NAME
 from services.contract.answers.problem import Problem
 from services.errors import InvalidOption
 from services.progress import ProgressSink
@@ -55,7 +56,7 @@ PREFER = {
             "required": False,
             "description": f"With `Prefer: {RESPOND_ASYNC}`: a repeated request with the same key gets the same job. "
             "Send a new random key for new work.",
-            "schema": {"type": "string", "minLength": 1, "maxLength": MOST_KEY_CHARACTERS},
+            "schema": {"type": "string", "minLength": 1, "maxLength": MAX_NAME},
         },
     ]
 }
@@ -120,8 +121,8 @@ def _key_of(headers: Headers) -> str | None:
         When it is empty or too long, also where no job is wanted: a client should learn that early.
     """
     key = headers.get(KEY_HEADER)
-    if key is not None and not 1 <= len(key) <= MOST_KEY_CHARACTERS:
-        raise InvalidOption(f"{KEY_HEADER}: send a key of 1 to {MOST_KEY_CHARACTERS} characters.", KEY_HEADER)
+    if key is not None and not 1 <= len(key) <= MAX_NAME:
+        raise InvalidOption(f"{KEY_HEADER}: send a key of 1 to {MAX_NAME} characters.", KEY_HEADER)
     return key
 
 

@@ -6,14 +6,14 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from app.schemas.layout_models import NameInBody
+from app.schemas.layout_settings import LabelName
 from services.contract.answers.learning import CostChange, FoundAndVerified, GivenText, WrongLabel
 from services.contract.answers.page import Answer, Warning
-from services.contract.layout import LONGEST_LABEL
 
 LONGEST_GIVEN_TEXT = 20_000
 """Characters of one zone; a page of small print has 8000."""
 
-Label = Annotated[str, Field(min_length=1, max_length=LONGEST_LABEL), AfterValidator(str.strip)]
+Label = Annotated[LabelName, AfterValidator(str.strip)]
 
 
 class FeedbackZone(BaseModel):

@@ -6,13 +6,10 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from typing import Protocol
 
-from app.storage.layout_store import LayoutStore
+from app.storage.layout_store import PURGE_EVERY_S, LayoutStore
 from models.errors import StoreError
 
 log = logging.getLogger(__name__)
-
-EVERY_S = 60.0
-"""Results live for hours, so a minute more is little."""
 
 
 class Swept(Protocol):
@@ -24,7 +21,7 @@ class Swept(Protocol):
 
 @asynccontextmanager
 async def deleting_expired(store: LayoutStore, *blobs: Swept) -> AsyncIterator[None]:
-    """Inside of the block, delete every `EVERY_S` seconds what has expired, and blobs without a row."""
+    """Inside of the block, delete every `PURGE_EVERY_S` seconds what has expired, and blobs without a row."""
     task = asyncio.create_task(_delete_regularly(store, blobs))
     try:
         yield
@@ -43,4 +40,4 @@ async def _delete_regularly(store: LayoutStore, blobs: Sequence[Swept]) -> None:
                 log.info("blobs were deleted", extra={"blobs": gone})
         except StoreError as error:
             log.error("expired data could not be deleted: %s", error.detail)
-        await asyncio.sleep(EVERY_S)
+        await asyncio.sleep(PURGE_EVERY_S)

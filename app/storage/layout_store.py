@@ -37,8 +37,9 @@ MOST_THREADS = 4
 MOST_LISTS = 2
 """Lists of documents that are made at a time, so that they take neither all threads nor much memory."""
 PURGE_EVERY_S = 60.0
+"""Results live for hours, so a minute more is little."""
 PURGE_EVERY_RESULTS = 100
-"""Expired results are deleted after this many seconds or this many new results, whichever comes first."""
+"""Expired results are deleted after so many new ones, too."""
 
 
 @dataclass(frozen=True, slots=True)

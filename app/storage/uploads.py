@@ -14,7 +14,7 @@ from anyio import to_thread
 from app.engine.base import Busy
 from app.http.form_parts import READ_BYTES
 from app.storage.blobs import ALL_BLOBS, BlobAccess
-from app.storage.layout_store import LayoutStore
+from app.storage.layout_store import PURGE_EVERY_S, LayoutStore
 from models.blobs import PART_BYTES, BlobNotFound
 from models.errors import UploadMoved, UploadNotFound, UploadsFull
 from models.records import StoredUpload, UploadBounds, UploadPiece
@@ -25,8 +25,6 @@ PIECE_BYTES = PART_BYTES
 MOST_PIECES = 1000
 """Of one upload, of 32 MB as of 160: whoever sends less at a time than 160 kB, sends again too often."""
 _FOLDER = "uploads"
-_COME_AGAIN_S = 60
-"""The next sweep of what has expired."""
 
 
 class KeptUploads:
@@ -46,7 +44,7 @@ class KeptUploads:
             )
         except UploadsFull as full:
             raise Busy(
-                f"There is no room: {full.detail}. Delete one, or come again later.", _COME_AGAIN_S
+                f"There is no room: {full.detail}. Delete one, or come again later.", int(PURGE_EVERY_S)
             ) from full
 
     async def find(self, upload_id: str) -> StoredUpload:

@@ -5,6 +5,10 @@ from collections.abc import Sequence
 Sides = Sequence[float]
 SAME_PX = 1.0
 """Largest distance of the sides of one zone. Results round boxes to hundredths of a pixel; drawing is coarser."""
+SAME_ROW = 0.5
+"""Common height of what is printed in one row, as a share of the lower one's."""
+CELL_IN_ROW = 0.3
+"""The same of a cell and the row of a table that it belongs to: people draw boxes, and cells may have several lines."""
 
 
 def area(box: Sides) -> float:

@@ -16,10 +16,9 @@ _MOST_SEGMENTS = 4096
 """Largest number of JPEG header segments, or of PNG chunks other than IDAT. Extended XMP and ICC need a few hundred."""
 _MOST_SCANS = 32
 """Largest number of scans of a JPEG; the usual progressive script has 10. Every scan is a pass over all pixels."""
-_MOST_IDAT_CHUNKS = 262_144
-"""Largest number of IDAT chunks: 64 MP of 16-bit RGBA in chunks of 8 KiB (libpng's default) are 65,536."""
+_MOST_PIECES = 262_144
+"""Of pixel data, IDAT chunks or strips: 64 MP of 16-bit RGBA in chunks of 8 KiB (libpng's default) are 65,536."""
 _MOST_DIRECTORY_ENTRIES = 1024
-_MOST_STRIPS = 262_144
 _MOST_VALUES = 1_048_576
 """Largest number of values of a numeric TIFF tag other than strips: a colour map of 16 bits has 196,608."""
 
@@ -129,7 +128,7 @@ def check_png(data: bytes, max_exif_bytes: int) -> None:
             pixel_chunks += 1
         else:
             others += 1
-        if others > _MOST_SEGMENTS or pixel_chunks > _MOST_IDAT_CHUNKS:
+        if others > _MOST_SEGMENTS or pixel_chunks > _MOST_PIECES:
             raise UndecodableImage("The PNG file has more chunks than any writer makes.")
         if kind == b"eXIf":
             check_exif_size(length, max_exif_bytes)
@@ -247,7 +246,7 @@ def _check_tiff_entries(entries: list[tuple[int, int, int, int]], max_pixels: in
     tile_width, tile_height = 1, 1
     for tag, kind, count, value in entries:
         is_bytes = kind in (1, 2, 6, 7)  # BYTE, ASCII, SBYTE, UNDEFINED: Pillow does not convert them
-        if (tag in (273, 279, 324, 325) and count > _MOST_STRIPS) or (not is_bytes and count > _MOST_VALUES):
+        if (tag in (273, 279, 324, 325) and count > _MOST_PIECES) or (not is_bytes and count > _MOST_VALUES):
             raise UndecodableImage(
                 f"The TIFF file's tag {tag} has {count} values, more than any writer makes."
             )

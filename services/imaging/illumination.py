@@ -25,8 +25,6 @@ class BackgroundParameters:
 
     median_fraction: float = 1 / 16
     """Median window: wider than the residue of a word, narrower than a shadow."""
-    closing_text_heights: float = 1.0
-    """Closing window if the text height is given; strokes are at most about half of it."""
     median_text_heights: float = 5.0
     """Median window if the text height is given."""
     largest_gain: float = 6.0
@@ -134,7 +132,7 @@ def small_background(
     closing_px = PRINT_SHARE * long_side
     median_px = parameters.median_fraction * long_side
     if text_height_px is not None:
-        closing_px = parameters.closing_text_heights * text_height_px * factor
+        closing_px = text_height_px * factor  # strokes are at most about half as wide
         median_px = parameters.median_text_heights * text_height_px * factor
     largest = min(255, 2 * long_side - 1)
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (odd_size(closing_px, 3, largest),) * 2)

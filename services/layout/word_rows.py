@@ -3,10 +3,8 @@
 from collections.abc import Iterable
 from typing import Protocol, TypeVar
 
+from services.contract.boxes import SAME_ROW
 from services.layout.page import Box
-
-_SAME_ROW = 0.5
-"""Common height of two words of a row, as a share of the lower one's."""
 
 
 class _Printed(Protocol):
@@ -27,7 +25,7 @@ def rows_of_words(words: Iterable[W]) -> list[list[W]]:
     rows: list[list[W]] = []
     for word in sorted(words, key=lambda each: each.box[0]):
         y0, y1 = word.box[1], word.box[3]
-        best, most = None, _SAME_ROW
+        best, most = None, SAME_ROW
         for row in rows:
             a, b = row[-1].box[1], row[-1].box[3]
             common = (min(y1, b) - max(y0, a)) / max(1e-6, min(y1 - y0, b - a))

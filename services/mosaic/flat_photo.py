@@ -13,6 +13,9 @@ from services.notices import Notice
 from services.sheet.evidence import PageEvidence
 from services.sheet.shape import PageShape
 
+GRID = 40
+"""Points across and down a photo at which it is asked what of it a view shows."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenPage:

@@ -16,8 +16,6 @@ _WORKING_LONG_SIDE_PX = 1200
 """The reduced copy: ten-point print on A4 is 8 px high there."""
 _INK_CONTRAST = 0.11
 """Ink is darker than its surroundings by this share of white; faint gray print has about 0.3."""
-_INK_DEVIATIONS = 1.0
-"""And by this many standard deviations of its surroundings."""
 _SURROUNDINGS = 1 / 30
 """Window of the local mean, as a share of the long side."""
 _HEIGHT_QUANTILES = (0.6, 0.9, 0.25)
@@ -164,7 +162,6 @@ def _detect_ink(small: GrayImage) -> NDArray[np.uint8]:
     square = cv2.sqrBoxFilter(flat, cv2.CV_32F, size, borderType=cv2.BORDER_REPLICATE)
     deviation = np.subtract(square, np.square(mean, dtype=np.float32), out=square)
     np.sqrt(np.maximum(deviation, 0.0, out=deviation), out=deviation)
-    deviation *= _INK_DEVIATIONS
     return np.asarray(contrast > np.maximum(255 * _INK_CONTRAST, deviation)).view(np.uint8)
 
 

@@ -8,14 +8,11 @@ from collections.abc import Sequence, Set
 from dataclasses import dataclass, field
 from typing import cast
 
-from services.contract.boxes import are_one_place, common_height, holds_middle, lie_on_each_other
+from services.contract.boxes import CELL_IN_ROW, are_one_place, common_height, holds_middle, lie_on_each_other
 from services.contract.fields import FieldSetting
 from services.contract.layout_learning import Correction
 from services.contract.result_json import CellJson, FoundCellJson, LabelledZoneJson, ResultJson, TableJson
 from services.layout.values.typed_value import find_value, plain_text
-
-_SAME_ROW = 0.3
-"""Common height of a cell and a row, as a share of the lower one, as where samples are learned (`tables.learning`)."""
 
 Box = Sequence[float]
 Row = dict[str, CellJson]
@@ -125,7 +122,7 @@ def _put(tables: list[_Table], zone: LabelledZoneJson, correction: Correction) -
                 replaced = row.pop(other)
                 if replaced["text"] != cell["text"]:
                     cell["found"] = FoundCellJson(text=replaced["text"], confidence=replaced["confidence"])
-    near = [each for each in rows if each[0] > _SAME_ROW and id(each[2].get(label)) not in each[1].given]
+    near = [each for each in rows if each[0] > CELL_IN_ROW and id(each[2].get(label)) not in each[1].given]
     if near:
         _, table, row = max(near, key=lambda each: each[0])
     else:

@@ -22,11 +22,9 @@ from services.rectify.pipeline import STAGE_BEGINS, flatten_page, rectify, shape
 from services.rectify.results import Orientation, RectifyResult
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.orientation import apply_orientation
+from services.rectify.view.orientation import LEAST_CONFIDENCE, apply_orientation
 
 ORIENTATION_UNKNOWN = "orientation-unknown"
-SURE = 0.5
-"""Confidence from which on an orientation is accepted."""
 ONE_PAGE = Notice("one-page", "both pages were asked for, and the photo shows the text of one page.")
 
 
@@ -149,7 +147,7 @@ def turn_like(result: RectifyResult, results: Sequence[RectifyResult]) -> Rectif
     if ORIENTATION_UNKNOWN not in [notice.code for notice in result.warnings]:
         return result
     sure = max(results, key=lambda other: other.orientation.confidence or 0.0)
-    if (sure.orientation.confidence or 0.0) < SURE:
+    if (sure.orientation.confidence or 0.0) < LEAST_CONFIDENCE:
         return result
     along, _ = _middle_axes(sure)
     row, column = _middle_axes(result)

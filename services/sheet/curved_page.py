@@ -46,8 +46,6 @@ from services.side_by_side import SideStep
 from services.texture_flow.field import FlowSamples, mean_deviation
 
 # How the fit of the surface starts, and when its result is accepted.
-START_BENDS = 12
-"""Splines of the bend while the flows alone are fitted."""
 MARGIN = 0.25
 """The bend continues beyond the text by this share of its width."""
 BORDER = 0.03
@@ -70,6 +68,8 @@ SIDE_SLACK = (8.0, 1.0, 1.0)
 the deviations of the sides: their robust loss does not draw a surface that is far from them."""
 ROUND_BENDS = (12, 24, 24)
 """Splines of the bend in these rounds: creases are narrow, and are found from where the sheet is nearly right."""
+START_BENDS = ROUND_BENDS[0]
+"""The same while the flows alone are fitted."""
 MAX_SIDES = 0.0025
 """RMS distance of the sides from straight ones, as a share of the sheet's size, in the end: 0.00003 to
 0.0003 on 18 smooth sheets, 0.0003 to 0.0018 on those folded in thirds, 0.0009 to 0.017 on crumpled and crossed

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.contract.boxes import SAME_ROW
 from services.ocr.engine import MADE_UP, Word, mean_confidence
 from services.text.page_text import BlockKind, Box, ReadLine, TextBlock, is_right_to_left
 from services.text.word_boxes import settle_boxes, with_common_rows
@@ -26,8 +27,6 @@ _LEAST_ROWS = 2
 """Values of one region that are level with entries, unless it has no more lines."""
 _HEAD_GAP = 3.0
 """Heights of a head of columns down to its first value: a row with the name of a section may lie between."""
-_ROW_SHARE = 0.5
-"""Two parts of a line are in one row if they share this much of the lower one's height."""
 _OVERLAP = 0.5
 """Two lines of the engine that have more than this of the narrower one's width in common are not one row."""
 _HEADING = 1.2
@@ -168,7 +167,7 @@ def _entry_of(value: Part, places: NDArray[np.intp], ends: NDArray[np.float64]) 
     x0, y0, _, y1 = value[0].box
     common = np.minimum(ends[:, 3], y1) - np.maximum(ends[:, 1], y0)
     lower = np.minimum(ends[:, 3] - ends[:, 1], y1 - y0)
-    level = np.flatnonzero((ends[:, 2] <= x0) & (common >= _ROW_SHARE * lower))
+    level = np.flatnonzero((ends[:, 2] <= x0) & (common >= SAME_ROW * lower))
     return int(places[level[np.argmax(ends[level, 2])]]) if len(level) else None
 
 
@@ -206,7 +205,7 @@ def rows_of(parts: Sequence[Part]) -> tuple[ReadLine, ...]:
     rows: list[list[Word]] = []
     for part in sorted(parts, key=_middle):
         shared = [_shared_height(part, row) for row in rows[-3:]]
-        if shared and max(shared) >= _ROW_SHARE:
+        if shared and max(shared) >= SAME_ROW:
             rows[-len(shared) :][int(np.argmax(shared))] += part
         else:
             rows.append(list(part))

@@ -264,7 +264,7 @@ def test_photos_are_kept_as_the_operator_says_and_pictures_of_results_are_anothe
 
 
 def test_photos_expire_and_give_way_to_newer_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.storage.expiry.EVERY_S", POLL_S)
+    monkeypatch.setattr("app.storage.expiry.PURGE_EVERY_S", POLL_S)
     with serving(data_dir=tmp_path, max_kept_photos_bytes=20_000) as client:
         paths = [keep(client, {}) for _ in range(12)]
         deadline = time.monotonic() + 20

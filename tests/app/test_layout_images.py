@@ -158,7 +158,7 @@ def until(condition: Any) -> None:
 def test_expired_pictures_are_deleted_without_any_request(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.storage.expiry.EVERY_S", 0.1)
+    monkeypatch.setattr("app.storage.expiry.PURGE_EVERY_S", 0.1)
     with serving(keep_images=True, data_dir=tmp_path, result_ttl_s=2) as client:
         path = image_path(recognize(client))
         assert client.get(path).content == PICTURE
@@ -167,7 +167,7 @@ def test_expired_pictures_are_deleted_without_any_request(
 
 
 def test_the_oldest_pictures_give_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.storage.expiry.EVERY_S", 0.1)
+    monkeypatch.setattr("app.storage.expiry.PURGE_EVERY_S", 0.1)
     room = 2 * len(PICTURE)
     with serving(keep_images=True, data_dir=tmp_path, max_kept_images_bytes=room) as client:
         results = [recognize(client) for _ in range(4)]

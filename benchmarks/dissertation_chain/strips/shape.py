@@ -21,8 +21,6 @@ def estimate_strip_shape(evidence: StripEvidence, knowledge: FocalKnowledge) -> 
         focal=found.focal,
         initial_normals=initial.normals,
         initial_focal=initial.focal,
-        trial_focals=initial.trial_focals,
-        trial_objective=initial.objective,
         objective=found.objective,
         evaluations=found.evaluations,
         converged=found.converged,

@@ -5,17 +5,15 @@ from collections.abc import Sequence
 from services.contract.boxes import area, common_area
 from services.layout.page import Box
 from services.layout.recognition.results import RecognizedZone
-from services.layout.tables.item_table import ItemTable
+from services.layout.tables.item_table import OF_TABLE, ItemTable
 
-_COVERED = 0.7
-"""Share of a zone that lies in a table from which on it is a part of it."""
 _WHOLE = 0.9
 """Share of a table that a zone covers from which on it is the table."""
 
 
 def table_around(box: Box, tables: Sequence[ItemTable]) -> ItemTable | None:
     """The table that a zone with this box is a part of."""
-    return next((table for table in tables if _share(box, table.box) >= _COVERED), None)
+    return next((table for table in tables if _share(box, table.box) >= OF_TABLE), None)
 
 
 def table_of_zone(box: Box, tables: Sequence[ItemTable]) -> ItemTable | None:

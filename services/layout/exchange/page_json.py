@@ -34,8 +34,6 @@ _MOST_WORDS = 5000
 _LONGEST_WORD = 1000
 _LARGEST_APPEARANCE = 1e6
 """All of it are shares and ratios."""
-_BEYOND_PAGE = 1.0
-"""How far a box may stick out of the page, in page sides: further out it was measured on another image."""
 _EXAMPLE = '{"width": 2480, "height": 3508, "zones": [{"id": "z1", "box": [300, 412, 1180, 655]}]}'
 
 
@@ -253,8 +251,8 @@ def _box(value: Any, field: str, width: float, height: float) -> Box:
     page = f"the page of {width:g} x {height:g} pixels"
     if min(x1, width) <= max(x0, 0.0) or min(y1, height) <= max(y0, 0.0):
         raise InvalidLayout(f"The box {_shown(value)} lies outside {page}; measure both on one image.", field)
-    beyond_x, beyond_y = width * _BEYOND_PAGE, height * _BEYOND_PAGE
-    if min(x0 + beyond_x, width + beyond_x - x1, y0 + beyond_y, height + beyond_y - y1) < 0:
+    # What sticks out of the page by more than its side was measured on another image.
+    if min(x0 + width, 2 * width - x1, y0 + height, 2 * height - y1) < 0:
         raise InvalidLayout(
             f"The box {_shown(value)} goes far beyond {page}; measure both on one image.", field
         )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats
+from services.layout.graph.node_attributes import LONGEST_TEXT
 from services.layout.page import Page
 
 AMOUNT_FEATURES = (
@@ -32,14 +33,12 @@ are."""
 
 MOST_AMOUNTS = 60
 """Different amounts of a page; among more, sums occur by chance."""
-_SEARCHED = 4000
-"""Characters of a zone that are read."""
 _AMOUNT = re.compile(r"(?<![\d.,])([-−]\s?)?(\d{1,3}(?:[.,' ]?\d{3}){0,3}[.,]\d{2})(?![.,]?\d)")
 
 
 def find_amounts(text: str) -> list[int]:
     """The numbers with two decimals in a text, in hundredths."""
-    found = _AMOUNT.finditer(text[:_SEARCHED])
+    found = _AMOUNT.finditer(text[:LONGEST_TEXT])
     return [(-1 if match[1] else 1) * int(re.sub(r"\D", "", match[2])) for match in found]
 
 

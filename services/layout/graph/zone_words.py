@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from services.contract.boxes import SAME_ROW
 from services.layout.page import Box, Page
 from services.layout.values.kinds import kinds_within
 
@@ -28,8 +29,6 @@ MOST_TOKENS = 40
 LONGEST_TOKEN = 16
 _SEARCHED = 600
 """Characters of a zone that are read for tokens."""
-_SAME_ROW = 0.5
-"""Common height of what stands in one row, as a share of the lower one's."""
 _SLACK = 0.3
 """How far what stands beside a zone may reach into it, in heights of the zone."""
 _SAME_KEY = 3.0
@@ -204,7 +203,7 @@ class _Print:
         x0, y0, x1, y1 = self.boxes.T
         height = box[3] - box[1]
         common = np.minimum(y1, box[3]) - np.maximum(y0, box[1])
-        is_left = (common >= _SAME_ROW * np.minimum(y1 - y0, height)) & (x1 <= box[0] + _SLACK * height)
+        is_left = (common >= SAME_ROW * np.minimum(y1 - y0, height)) & (x1 <= box[0] + _SLACK * height)
         return [int(place) for place in np.flatnonzero(is_left)[np.argsort(-x0[is_left], kind="stable")]]
 
     def next_above(self, box: Box) -> list[int]:

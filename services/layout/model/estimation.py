@@ -31,8 +31,6 @@ from services.layout.model.word_counts import LEAST_ZONES, MOST_KEPT, WordCounts
 _USUAL_WEIGHT = 2.0
 """Of an attribute's usual spread within a component, against the variance seen, and of a descriptor's frequency over
 all pairs, against that of the pair of components."""
-_CONTENT_WEIGHT = 1.0
-"""Of a content feature's frequency over all zones, against that in the component."""
 CONTENT_RANGE = (0.003, 0.997)
 """Range of expectation values: a feature that never occurred may still occur."""
 _COUNT_WEIGHT = 0.5
@@ -80,8 +78,9 @@ def _estimate_numeric(statistics: LabelStatistics) -> tuple[NDArray[np.float64],
 def _estimate_content(statistics: LabelStatistics) -> NDArray[np.float64]:
     read = statistics.read
     overall = (statistics.content.sum(axis=0) + 0.05) / (read.sum(axis=0) + 0.5)
-    weight = _CONTENT_WEIGHT
-    expected = (statistics.content + weight * overall) / (read + weight)
+    expected = (statistics.content + overall) / (
+        read + 1.0
+    )  # as if one zone had been seen with all zones' frequency
     return np.where(read > 0, np.clip(expected, *CONTENT_RANGE), np.nan)
 
 

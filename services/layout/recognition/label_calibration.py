@@ -18,8 +18,8 @@ from services.layout.recognition.label_evidence import label_evidence
 from services.layout.recognition.page_recognition import VersionedModel
 from services.layout.recognition.results import Recognition
 
-_SLOPE_DEVIATION = 0.15
-_INTERCEPT_DEVIATION = 0.15
+_DEVIATION = 0.15
+"""Of the prior, of the slope and of the intercept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,14 +49,13 @@ def calibrate_labels(calibration: Calibration, pages: Sequence[HeldOutZones]) ->
     evidence = np.concatenate([page.evidence for page in pages])
     is_right = np.concatenate([page.is_right for page in pages])
     usual = np.array([1.0, 0.0])
-    deviation = np.array([_SLOPE_DEVIATION, _INTERCEPT_DEVIATION])
 
     def cost(line: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         found = line[0] * evidence + line[1]
-        away = (line - usual) / deviation
+        away = (line - usual) / _DEVIATION
         error = expit(found) - is_right
         value = np.sum(np.logaddexp(0.0, found) - is_right * found) + 0.5 * away @ away
-        return float(value), np.array([error @ evidence, error.sum()]) + away / deviation
+        return float(value), np.array([error @ evidence, error.sum()]) + away / _DEVIATION
 
     slope, intercept = minimize(cost, usual, jac=True, bounds=[(0.05, 3.0), (-6.0, 6.0)]).x
     return replace(

@@ -21,8 +21,6 @@ _MOST_PARTS = 60
 """Figures, rules and noise of a page; of more, which is dirt, the smaller ones are left out."""
 _LEAST_NOISE = 4.0
 """Noise is larger, in units; less is dirt."""
-_MOST_NOISE = 12
-"""Of more noise on a page the smaller is left out, too."""
 _BORDER_FIGURE = (0.5, 6.0)
 """Ink at the border of the page is a figure if it fills this share of its box and is at most this elongated."""
 

@@ -20,8 +20,6 @@ _FEW = 3
 """On dirty pages lines with fewer components need words."""
 _SIZE_RANGE = (0.6, 1.7)
 """Short lines have sizes within this range of those of a long or read line."""
-_DIRT_SHARE = 1.0
-"""Loose components round a short line, against its own: more is dirt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +65,8 @@ def choose_text_lines(
     ratio = em[:, None] / known[None, :]
     alike = np.any((ratio > least) & (ratio < most), axis=1)
     dirt = _dirt(lines, components, long | (regular & inside & alike & (counts > 2)), em)
-    clean = dirt <= np.maximum(2, _DIRT_SHARE * counts)
+    # More loose components round a line than its own are dirt.
+    clean = dirt <= np.maximum(2, counts)
     short = regular & inside & alike & clean
     few = counts < _FEW
     if _is_dirty(lines, components, long):

@@ -10,11 +10,9 @@ from services.layout.page import Box, Page, Zone, ZoneWord
 from services.layout.segmentation import FinePage, compose_page
 from services.layout.tables.finding import find_tables
 from services.layout.tables.found_table import FoundTable
+from services.layout.tables.item_table import OF_TABLE
 from services.layout.tables.print_rows import box_of, printed_rows
 from services.layout.tables.table_model import TableModel
-
-_WITHIN = 0.7
-"""Share of a zone without words from which on it is a part of a table: a rule, a speck."""
 
 _Key = tuple[str, Box]
 
@@ -122,7 +120,7 @@ def _is_within(box: Sequence[float] | np.ndarray, boxes: Sequence[Box]) -> bool:
         pad = 0.02 * (a1 - a0)
         across = min(x1, a1 + pad) - max(x0, a0 - pad)
         down = min(y1, b1 + pad) - max(y0, b0 - pad)
-        if max(0.0, across) * max(0.0, down) >= _WITHIN * area:
+        if max(0.0, across) * max(0.0, down) >= OF_TABLE * area:
             return True
     return False
 

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from services.contract.fields import FieldType, ValueProblem
 from services.layout.page import Box
 
+OF_TABLE = 0.7
+"""Share of a zone that lies in a table from which on it is a part of it."""
+
 
 @dataclass(frozen=True, slots=True)
 class TableCell:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import reduce
 
-from services.contract.boxes import common_height, holds_middle
+from services.contract.boxes import CELL_IN_ROW, common_height, holds_middle
 from services.layout.page import Box, Page, ZoneWord
 from services.layout.tables.cell_numbers import number_of, size_of
 from services.layout.tables.column_products import count_products
@@ -25,8 +25,6 @@ from services.layout.tables.print_rows import (
 from services.layout.tables.table_model import MOST_HEADER_WORDS, ColumnModel, Sums, TableModel
 from services.layout.values.kinds import NUMERIC, kind_of
 
-_SAME_ROW = 0.3
-"""Common height of two cells of a row, as a share of the lower one."""
 _FAR = 2.5
 """Largest distance of the edges, or the middles, of a column and its header, in em."""
 _MOST_CLIMBED = 60
@@ -80,7 +78,7 @@ def labelled_rows(page: TablePage) -> list[LabelledRow]:
     rows: list[tuple[Box, dict[str, tuple[ZoneWord, ...]]]] = []
     for label, box, own in sorted(cells, key=lambda each: each[1][1]):
         for place, (around, row) in enumerate(rows):
-            if label not in row and common_height(box, around) > _SAME_ROW:
+            if label not in row and common_height(box, around) > CELL_IN_ROW:
                 row[label] = own
                 rows[place] = _hull(around, box), row
                 break

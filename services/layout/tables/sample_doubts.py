@@ -4,15 +4,12 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from services.contract.boxes import common_height, holds_middle
+from services.contract.boxes import SAME_ROW, common_height, holds_middle
 from services.layout.page import Box
 from services.layout.tables.learning import TablePage, labelled_rows
 from services.layout.tables.print_rows import em_of, page_words, printed_rows, segments_of
 from services.layout.values.kinds import NUMERIC, kind_of
 from services.notices import Notice
-
-_ONE_LINE = 0.5
-"""Common height from which on two cells are in one line, as a share of the lower one."""
 
 
 def cells_of_several(page: TablePage) -> list[bool]:
@@ -94,5 +91,5 @@ def _doubled(cells: Sequence[tuple[str, Box]]) -> set[str]:
     """The labels of two cells of a page in one line."""
     ordered = sorted(cells, key=lambda cell: (cell[0], cell[1][1] + cell[1][3]))
     return {
-        a for (a, box), (b, other) in pairwise(ordered) if a == b and common_height(box, other) > _ONE_LINE
+        a for (a, box), (b, other) in pairwise(ordered) if a == b and common_height(box, other) > SAME_ROW
     }

@@ -26,7 +26,7 @@ from services.sheet.developable.observations import LineObservations
 from services.sheet.framing import CurvedFrame
 from services.sheet.line_residual import MorphedPage
 from services.sheet.ridged.fitting import fit_mesh
-from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
+from services.sheet.ridged.mesh import LEAST_ROWS, SheetMesh
 from services.sheet.ridged.observations import SheetObservations
 from services.sheet.ridged.parameters import RidgedParameters, Stage
 from services.sheet.ridged.views import OtherCamera, OtherView
@@ -199,7 +199,7 @@ def _sheet_of(photo: FlatPhoto, page: SeenPage, shared: Mapping[int, _Shared]) -
         return _Candidate(
             photo.index, shape.mesh, shape.page_map, frame.H_page_flat, shape.observed, shared, {}
         )
-    rows = max(round(COLUMNS * (frame.height - 1) / (frame.width - 1)), MIN_ROWS - 1)
+    rows = max(round(COLUMNS * (frame.height - 1) / (frame.width - 1)), LEAST_ROWS - 1)
     x, y = np.linspace(0, frame.width - 1, COLUMNS + 1), np.linspace(0, frame.height - 1, rows + 1)
     flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     nodes = shape.in_space(page.view.to_centred(photo.to_photo(flat)))

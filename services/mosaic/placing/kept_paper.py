@@ -7,13 +7,11 @@ import numpy as np
 
 from services.arrays import Mask, Points
 from services.geometry.page_frame import Frame
-from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flat_photo import GRID, FlatPhoto
 
 LEAST_KEPT = 0.9
 """Share of the paper in a photo's own view that its view of a joint sheet keeps: 1.0 of 26 photos of eight simulated
 sets of bent sheets, 0.82 of a flat page that was laid on the bent sheet of a crop of it."""
-GRID = 40
-"""Points across and down a photo at which this is asked."""
 
 
 def keeps_paper(views: Mapping[int, Frame], photos: Mapping[int, FlatPhoto]) -> bool:

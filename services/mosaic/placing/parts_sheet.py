@@ -33,7 +33,7 @@ from services.sheet.developable.observations import PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.framing import CurvedFrame, frame_curved_page
-from services.sheet.ridged.mesh import MIN_ROWS, SheetMesh
+from services.sheet.ridged.mesh import LEAST_ROWS, SheetMesh
 from services.sheet.ridged.views import OtherCamera
 from services.sheet.shared_fit import SeenPart, SharedPoints, fit_shared_sheet
 from services.sheet.shared_sheet import SharedSheet, camera_of, hold_camera, unit_of
@@ -299,7 +299,7 @@ def _describe(sheet: SharedSheet, parts: _Parts, order: Sequence[int], left: flo
         boxes.append(transform_points(H_world_page[index] @ frame.H_page_flat, corners))
     low, high = np.min(boxes, axis=(0, 1)), np.max(boxes, axis=(0, 1))
     extent = high - low
-    rows = max(round(COLUMNS * float(extent[1] / extent[0])), MIN_ROWS - 1)
+    rows = max(round(COLUMNS * float(extent[1] / extent[0])), LEAST_ROWS - 1)
     u, v = np.linspace(low[0], high[0], COLUMNS + 1), np.linspace(low[1], high[1], rows + 1)
     page_points = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     surface = sheet.surface(first)

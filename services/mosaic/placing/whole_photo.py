@@ -16,7 +16,7 @@ from services.errors import NoText, NotOverlapping
 from services.geometry.focal_prior import typical_focal_prior
 from services.geometry.homographies import transform_points, translation
 from services.geometry.page_frame import Frame
-from services.mosaic.flat_photo import FlatPhoto, SeenPage
+from services.mosaic.flat_photo import GRID, FlatPhoto, SeenPage
 from services.mosaic.flattening import flattest_view, see_page, view_photo, view_unchanged
 from services.mosaic.photo_graph import choose_part, connect_photos
 from services.mosaic.placing.joint_sheet import MOST_LEFT
@@ -34,8 +34,6 @@ from services.sheet.plane.flat_photo import PhotoAsPage
 
 BESIDE = 0.01
 """Distance, over its diagonal, by which others may reach beyond a photo that shows all of them."""
-GRID = 40
-"""Points across and down a photo by which its part of the page is bounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

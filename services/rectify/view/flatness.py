@@ -86,17 +86,13 @@ class FlatnessParameters:
 class Flatness:
     """What a view shows of its own flatness; None where it shows nothing of that kind.
 
-    `line_straightness` is the RMS distance of text lines from level ones, in text heights, `side_bend_percent` that of
-    the most bent side from its straight line, in percent of the view's width, `right_angle_rad` the largest difference
-    of the sides' directions up to quarter turns, `asked_percent` the RMS shift that all of it asks for, `lines_percent`
-    the RMS distance of text lines from level ones beyond the scatter of most, in percent of the view's width.
-    `proportions_percent` is the deviation that the shape itself states for the view's proportions: nothing in the view
-    shows it.
+    `line_straightness` is the RMS distance of text lines from level ones, in text heights, `asked_percent` the RMS
+    shift that lines, strokes, margins and sides ask for, `lines_percent` the RMS distance of text lines from level ones
+    beyond the scatter of most, in percent of the view's width. `proportions_percent` is the deviation that the shape
+    itself states for the view's proportions: nothing in the view shows it.
     """
 
     line_straightness: float | None
-    side_bend_percent: float | None
-    right_angle_rad: float | None
     asked_percent: float
     proportions_percent: float = 0.0
     lines_percent: float = 0.0
@@ -124,7 +120,7 @@ def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
     Where the photo is the page, its print was measured with its noise before that was believed.
     """
     if page.departure is not None:
-        return Flatness(None, None, None, 100 * page.departure)
+        return Flatness(None, 100 * page.departure)
     p, field = FlatnessParameters(), SmoothField(frame.width, frame.height)
     demands: list[Demand] = []
     straightness: float | None = None
@@ -143,19 +139,15 @@ def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
         demands.append(_along_lines(evidence.major, page.view, frame, field, p))
         if evidence.strokes is not None:
             demands.append(_upright_strokes(evidence.strokes, page.view, frame, field, p))
-    bend: float | None = None
-    angle: float | None = None
     sides = _seen_sides(page.outline, frame)
     if sides and page.outline is not None:
-        bend = 100 / frame.width * max(side.bend_px for side in sides)
-        angle = float(np.ptp([side.turn_rad for side in sides]))
         doubts = _doubts(sides, page.shape, frame, p)
         demands += [_straight_side(side, field, k * p.side, p) for side, k in zip(sides, doubts, strict=True)]
     if straightness is None and not sides:
         return None
     proportions = _shift_by_proportions(page.shape.log_aspect_deviation, frame)
     asked = asked_percent(field, demands)
-    return Flatness(straightness, bend, angle, asked, proportions, lines_percent)
+    return Flatness(straightness, asked, proportions, lines_percent)
 
 
 def _shift_by_proportions(log_deviation: float, frame: Frame) -> float:
@@ -323,7 +315,6 @@ class _Side:
     points: Points
     axis: int
     bend_px: float
-    turn_rad: float
 
 
 def _seen_sides(outline: SheetOutline | None, frame: Frame) -> list[_Side]:
@@ -354,9 +345,7 @@ def _side_in_view(side: SheetSide, frame: Frame) -> _Side | None:
         return None
     _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     axis = 0 if abs(axes[0, 1]) > abs(axes[0, 0]) else 1
-    slope = float(axes[0, axis] / axes[0, 1 - axis])
-    bend = float(spread[1]) / np.sqrt(len(points))
-    return _Side(points, axis, bend, float(np.arctan(slope if axis == 1 else -slope)))
+    return _Side(points, axis, float(spread[1]) / np.sqrt(len(points)))
 
 
 def _straight_side(side: _Side, field: SmoothField, deviation: float, p: FlatnessParameters) -> Demand:

@@ -40,8 +40,7 @@ class FittedSurface:
     """The fitted surface, its cost, and the deviations of its residuals.
 
     `cost` is half the sum of the squared residuals under their losses; the scales are robust deviations of the
-    residuals (without `_rad`, in units of those assumed); `log_focal_deviation` is that of the observations, without
-    the prior.
+    residuals, in units of those assumed; `log_focal_deviation` is that of the observations, without the prior.
     """
 
     surface: DevelopableSurface
@@ -51,8 +50,6 @@ class FittedSurface:
     spacing_scale: float
     side_scale: float
     major_scale: float
-    major_scale_rad: float
-    minor_scale_rad: float
     log_focal_deviation: float
     start: SurfaceStart = field(repr=False)
     principal_point: tuple[float, float] = (0.0, 0.0)
@@ -102,8 +99,6 @@ def fit_surface(
         robust_scale(parts["spacing"].value),
         robust_scale(parts["sides"].value),
         robust_scale(parts["major"].value),
-        robust_scale(parts["major"].value * residuals.print.major_deviation),
-        robust_scale(parts["minor"].value * residuals.print.minor_deviation),
         _focal_deviation(fit.jac, observed.focal_deviation),
         moved,
         residuals.principal_point(fit.x),

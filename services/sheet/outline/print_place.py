@@ -23,9 +23,6 @@ class PrintPlaceParameters:
     """Of the commonest density: characters on colours that are rarer among them are not print on the sheet."""
     part: float = 0.1
     """Of the characters of the largest part: smaller parts are clutter."""
-    core: float = 1.0
-    """Half axes of the print's core, in standard deviations: the sheet contains it, even if texture was found
-    as print."""
     middle: float = 0.25
     """Of the photo: half axes of the ellipse that replaces the print if none was found."""
 
@@ -70,7 +67,8 @@ def place_print(reduced: ReducedPhoto, characters: Points | None) -> PrintPlace:
     chosen = large[labels]
     place = place[chosen[at[:, 1], at[:, 0]]]
     middle, axes = _middle(place)
-    core = _ellipse((height, width), middle, p.core * axes)
+    # Within one deviation the sheet contains the print, even if texture was found as print.
+    core = _ellipse((height, width), middle, axes)
     return PrintPlace(np.asarray(chosen), core | ~chosen.any(), place)
 
 

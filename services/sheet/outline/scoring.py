@@ -39,10 +39,8 @@ class ScoringParameters:
     crease_misfit: float = 0.01
     """... what creases make of it."""
     most_misfit: float = 0.06
-    lost_print: float = 1.0
-    """Weight of the share of the characters that lie outside ..."""
     false_print: float = 0.1
-    """... beyond this share, which texture of a desk that was found as print may have."""
+    """Share of the characters outside that may be texture of a desk; what lies outside beyond it counts."""
     area: float = 0.35
     """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
@@ -88,7 +86,7 @@ def rate_curve(
     if len(characters):
         some = characters[:: max(len(characters) // 100, 1)]
         lost = 1.0 - float(_inside(points, some).mean())
-        rating -= p.lost_print * max(lost - p.false_print, 0.0)
+        rating -= max(lost - p.false_print, 0.0)
     return rating
 
 

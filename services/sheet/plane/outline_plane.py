@@ -70,7 +70,7 @@ class OutlinePlane:
 
     `log_focal_deviation` is without the prior. `aspect` is the sheet's width over its height, None where a side is
     missing; `log_aspect_deviation` the standard deviation of its logarithm, or of the ratio of the plane's scales
-    along both axes where a side is missing. `misfit_rad` is the RMS angle between the sides and those of the rectangle.
+    along both axes where a side is missing.
     """
 
     plane: PagePlane
@@ -78,7 +78,6 @@ class OutlinePlane:
     aspect: float | None
     log_aspect_deviation: float
     log_focal_deviation: float
-    misfit_rad: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -269,7 +268,7 @@ def plane_from_lines(
     if aspect is not None and not 1 / MAX_ASPECT < aspect < MAX_ASPECT:
         return NoShape("it is too narrow for a sheet")
     deviation = _aspect_deviation(fit, lines, prior)
-    return OutlinePlane(fit.plane, lines, aspect, deviation, fit.log_focal_deviation, misfit)
+    return OutlinePlane(fit.plane, lines, aspect, deviation, fit.log_focal_deviation)
 
 
 def _aspect_deviation(fit: LinePlane, lines: StraightLines, prior: FocalPrior) -> float:

@@ -13,8 +13,8 @@ import numpy as np
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.homographies import transform_points
-from services.sheet.ridged.mesh import SheetMesh
-from services.sheet.ridged.start import LEAST_ROWS, MOST_ROWS, measure_bow
+from services.sheet.ridged.mesh import LEAST_ROWS, SheetMesh
+from services.sheet.ridged.start import MOST_ROWS, measure_bow
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 

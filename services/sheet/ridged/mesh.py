@@ -21,7 +21,7 @@ FOUND = 1e-8
 observation."""
 LOCATED = 1e-3
 """Photo units within which a point counts as found."""
-MIN_ROWS = 5
+LEAST_ROWS = 5
 """Least number of rows of nodes."""
 MOST = 0.8
 """Share of the points, below which Newton's method goes on with those alone that are not found yet."""
@@ -96,7 +96,7 @@ class SheetMesh:
         """The same sheet with `columns` columns of nodes, and rows in proportion: nodes between nodes, bilinear."""
         if columns == self.columns:
             return self
-        rows = max(round((self.rows - 1) * (columns - 1) / (self.columns - 1)), MIN_ROWS - 1) + 1
+        rows = max(round((self.rows - 1) * (columns - 1) / (self.columns - 1)), LEAST_ROWS - 1) + 1
         c, r = np.linspace(0, self.columns - 1, columns), np.linspace(0, self.rows - 1, rows)
         X = self.place(np.stack(np.meshgrid(c, r), axis=-1).reshape(-1, 2)).X
         width, height = self.size

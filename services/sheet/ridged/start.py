@@ -5,11 +5,11 @@ import numpy as np
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.homographies import transform_points
-from services.sheet.ridged.mesh import SheetMesh
+from services.sheet.ridged.mesh import LEAST_ROWS, SheetMesh
 
 SIDE_BINS = 16
 """Places along a side at which its deviation from the straight line between corners is taken."""
-LEAST_ROWS, MOST_ROWS = 5, 90
+MOST_ROWS = 90
 """Rows of nodes: the sheet of a receipt is long."""
 
 

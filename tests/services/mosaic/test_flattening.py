@@ -58,7 +58,7 @@ def test_a_tilted_photo_becomes_a_view_that_differs_from_the_page_by_a_similarit
 def test_a_view_that_shows_that_it_is_not_flat_says_so_until_it_is_viewed_again(
     asked_percent: float, codes: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shown = Flatness(None, None, None, asked_percent)
+    shown = Flatness(None, asked_percent)
     monkeypatch.setattr(flattening, "measure_flatness", lambda *_: shown)
     flat = flatten_photo(0, photograph(page_image(), TILTED, 1000, 1400), None, StageClock())
     assert [notice.code for notice in flat.notices] == codes

@@ -54,7 +54,7 @@ def flat_photo(index: int, true: SharedSheet, page: Points, taken: SharedSheet) 
     text = TracedText(blank, blank < 0, blank < 0, 8 / VIEW.width, characters, TEXT_HEIGHT_PX)
     part = part_of(true, index, page).observed
     start = SurfaceStart(surface.rotation, surface.anchor, surface.basis, np.zeros(5))
-    fitted = FittedSurface(surface, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.1, start)
+    fitted = FittedSurface(surface, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.1, start)
     strips = describe_strips(surface, VIEW, seen, 4)
     shape = CurvedPage(surface, strips, "assumed", 9, 0.0, 0.0, (), fitted, part.lines)
     evidence = PageEvidence(text, VIEW, part.major, part.minor, POINTS, has_strokes=False)

@@ -70,7 +70,6 @@ def test_a_flat_view_expects_little(album: Album, name: str) -> None:
     assert found.error_percent < 0.4
     assert found.line_straightness is not None
     assert 0 < found.line_straightness < 0.05
-    assert found.side_bend_percent is None
 
 
 def test_a_bent_view_asks_to_be_moved_by_its_bend(album: Album) -> None:
@@ -104,16 +103,13 @@ def test_a_kink_that_no_smooth_field_follows_is_seen_in_the_lines(album: Album) 
     assert not shown[1].passes
 
 
-def test_sides_say_more_than_text(album: Album) -> None:
+def test_straight_sides_leave_a_flat_view_flat(album: Album) -> None:
     shot = album["plain"]
     outline = outline_of_truth(shot.truth, 0.3, np.random.default_rng(0))
     page = replace(as_plane(shot), outline=outline)
     found = measure_flatness(page, page.frame(None, "sheet"))
     assert found is not None
-    assert found.side_bend_percent is not None
-    assert found.side_bend_percent < 0.1
-    assert found.right_angle_rad is not None
-    assert found.right_angle_rad < 0.01
+    assert found.passes
 
 
 def test_uncertain_proportions_are_part_of_the_error_but_no_warning(album: Album) -> None:

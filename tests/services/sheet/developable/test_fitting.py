@@ -62,8 +62,6 @@ def test_exact_observations_give_the_sheet_but_for_the_priors_pull(name: str) ->
     assert fitted.slant_rad == pytest.approx(SLANT_RAD, abs=5e-4)
     assert fitted.cost < cost_at(bent, np.zeros(16), observed) + 1e-6
     assert fitted.line_scale < 0.05
-    assert fitted.major_scale_rad < 3e-4
-    assert fitted.minor_scale_rad < 5e-4
 
 
 @pytest.mark.parametrize("name", SHEETS)
@@ -78,8 +76,6 @@ def test_noise_leaves_errors_of_its_own_size(name: str) -> None:
     assert 5e-3 < fitted.log_focal_deviation < 0.05
     assert abs(np.log(fitted.surface.focal / bent.focal)) < 3 * fitted.log_focal_deviation
     assert 0.5 < fitted.line_scale < 1.5
-    assert fitted.major_scale_rad == pytest.approx(np.radians(0.5), rel=0.4)
-    assert fitted.minor_scale_rad == pytest.approx(np.radians(0.5), rel=0.4)
 
 
 def test_flows_alone_show_the_shape_a_little_less_well() -> None:

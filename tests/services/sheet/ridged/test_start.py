@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from services.arrays import Floats, Points
-from services.sheet.ridged.mesh import SheetMesh
-from services.sheet.ridged.start import LEAST_ROWS, MOST_ROWS, mesh_between_sides
+from services.sheet.ridged.mesh import LEAST_ROWS, SheetMesh
+from services.sheet.ridged.start import MOST_ROWS, mesh_between_sides
 from tests.services.sheet.ridged.sheets import CURVED, FLAT, FOCAL, HEIGHT, WIDTH, observe
 
 NO_SIDES = (np.zeros((0, 2)),) * 4
