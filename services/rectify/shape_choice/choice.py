@@ -113,7 +113,9 @@ def _with_doubt(found: Hypotheses) -> PageShape:
         return plane
     why = f"is not plausible ({found.refusal})" if found.refusal else "does not explain its text better"
     said = f"the page seems curved, but a bent sheet {why}; this is its best planar view."
-    return replace(plane, notices=(Notice("curved-page", said), *plane.notices))
+    # "Already flat" would say the contrary.
+    others = (notice for notice in plane.notices if notice.code != "already-flat")
+    return replace(plane, notices=(Notice("curved-page", said), *others))
 
 
 def _choose_bent(found: Hypotheses, *, forced: bool) -> PageShape | None:

@@ -11,9 +11,10 @@ from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.notices import Notice
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.shape_choice import hypotheses
-from services.rectify.shape_choice.choice import VISIBLE_BEND, rank_shapes
+from services.rectify.shape_choice.choice import VISIBLE_BEND, _with_doubt, rank_shapes
 from services.rectify.shape_choice.hypotheses import STRAIGHT_SIDE, Hypotheses
 from services.sheet.curved_page import CurvedPage, estimate_curved_page
 from services.sheet.evidence import PageEvidence
@@ -206,6 +207,18 @@ def test_a_plane_that_is_asked_for_is_given(name: str) -> None:
 @pytest.mark.parametrize("name", ["folded", "smooth"])
 def test_a_bent_sheet_that_is_asked_for_is_given(name: str) -> None:
     assert not isinstance(chosen(name, "curved"), PlanarPage)
+
+
+def test_a_page_that_seems_curved_is_not_called_flat() -> None:
+    plane = chosen("flat", "planar", outlined=False)
+    assert isinstance(plane, PlanarPage)
+    said = tuple(Notice(code, "") for code in ("already-flat", "low-text"))
+    found = Hypotheses(seen("flat")[0], prior_of("flat"), "curved", None, None)
+    found.__dict__["plane"] = replace(plane, notices=said, sources=("text",))
+    assert [notice.code for notice in _with_doubt(found).notices] == ["curved-page", "low-text"]
+    flat = replace(found, seems="planar")
+    flat.__dict__["plane"] = found.plane
+    assert _with_doubt(flat).notices == said
 
 
 def test_without_an_outline_there_is_no_mesh() -> None:
