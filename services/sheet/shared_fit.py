@@ -215,7 +215,7 @@ class _SheetResiduals:
 
     def _priors(self, sheet: SharedSheet) -> Residual:
         eye = np.eye(self.unknowns)
-        bends = bend_priors(sheet.bends, eye[OF_BENDS : self.shape], sheet.basis.spacing, sides_seen=True)
+        bends = bend_priors(sheet.bends, eye[OF_BENDS : self.shape], sheet.basis.spacing, sides_seen=False)
         focal = [np.log(camera.focal) for camera in sheet.held]
         mean = [part.observed.log_focal for part in self.parts]
         # What is known of a camera counts once, however many photos it took.

@@ -121,7 +121,7 @@ def _with_doubt(found: Hypotheses) -> PageShape:
 def _choose_bent(found: Hypotheses, *, forced: bool) -> PageShape | None:
     """The bent sheet that explains clearly more than the plane; with `forced`, any plausible one."""
     smooth = found.smooth
-    if smooth is None and (not found.certain_outline or found.creased is None):
+    if smooth is None and not (found.certain_outline and _ends_at_sides_better(found)):
         smooth = found.smooth_by_text
     if smooth is not None and _text_contradicts_sides(smooth, found):
         smooth = found.smooth_by_text
@@ -132,6 +132,14 @@ def _choose_bent(found: Hypotheses, *, forced: bool) -> PageShape | None:
     if creased is not None and needed and (forced or found.bent_sides or _straighter(creased, found)):
         return creased
     return smooth if smooth is not None and (forced or _explains_more(smooth, found)) else None
+
+
+def _ends_at_sides_better(found: Hypotheses) -> bool:
+    """Whether the creased sheet has straighter sides than the smooth one that its text alone shows."""
+    creased, by_text = found.creased, found.smooth_by_text
+    if creased is None or by_text is None:
+        return creased is not None
+    return found.sides_of(creased.page_map) < found.sides_of(by_text.page_map)
 
 
 def _is_smooth(smooth: CurvedPage, found: Hypotheses) -> bool:

@@ -20,8 +20,7 @@ from scipy.interpolate import BSpline
 from services.arrays import Floats, Points, Vector
 
 NODES = 160
-"""Nodes along the a-axis, less than 256: the error of the trapezoidal rule is then below 1e-5 of the page for all bends
-of paper."""
+"""Nodes along the a-axis; the error of the trapezoidal rule is then below 1e-5 of the page for all bends of paper."""
 
 LEAST_SIGHT = 0.02
 """Cosine between normal and line of sight from which on the sheet counts as turned away."""
@@ -211,8 +210,9 @@ class DevelopableSurface:
         side = moment.T.astype(np.float32) @ d.astype(np.float32)
         way = np.sign(d.sum(axis=1) @ rate).mean()
         before = side < 0 if way > 0 else side > 0
-        # Bytes hold the numbers of nodes; rows of points are added up ten times as fast as points of rows.
-        count = np.add.reduce(before.view(np.uint8), axis=0, dtype=np.uint8).astype(np.intp)
+        # Rows of points are added up ten times as fast as points of rows, in bytes where these hold the numbers of nodes.
+        of_nodes = np.uint8 if len(before) < 256 else np.uint16
+        count = np.add.reduce(before.view(np.uint8), axis=0, dtype=of_nodes).astype(np.intp)
         left = np.minimum(np.maximum(count - (way != 0), 0), len(nodes[front]) - 2)
         # Values and slopes of the moments at both nodes of the interval.
         table = np.concatenate([moment, step * rate])

@@ -329,3 +329,6 @@ def test_a_finer_table_changes_nothing_that_is_seen() -> None:
     off = STRONG.surface(fine).to_photo(PAGE) - coarse.to_photo(PAGE)
     # A tenth of a pixel of a photo of 12 megapixels is 4e-5.
     assert np.abs(off).max() < 4e-4
+    # Nodes are counted for each point, more than a byte holds.
+    seen = coarse.to_photo(PAGE)
+    assert np.abs(STRONG.surface(fine).to_page(seen) - PAGE).max() < 2e-3
