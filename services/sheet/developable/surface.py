@@ -210,7 +210,7 @@ class DevelopableSurface:
         side = moment.T.astype(np.float32) @ d.astype(np.float32)
         way = np.sign(d.sum(axis=1) @ rate).mean()
         before = side < 0 if way > 0 else side > 0
-        # Rows of points are added up ten times as fast as points of rows, in bytes where these hold the numbers of nodes.
+        # Rows of points are added up ten times as fast as points of rows, in bytes where they hold the numbers.
         of_nodes = np.uint8 if len(before) < 256 else np.uint16
         count = np.add.reduce(before.view(np.uint8), axis=0, dtype=of_nodes).astype(np.intp)
         left = np.minimum(np.maximum(count - (way != 0), 0), len(nodes[front]) - 2)

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
 from services.rectify.analysis.page_analysis import analyse_photo
 from services.rectify.shape_choice import hypotheses
-from services.rectify.shape_choice.choice import VISIBLE_BEND, _with_doubt, rank_shapes
+from services.rectify.shape_choice.choice import VISIBLE_BEND, _ends_at_sides_better, _with_doubt, rank_shapes
 from services.rectify.shape_choice.hypotheses import STRAIGHT_SIDE, Hypotheses
 from services.sheet.curved_page import CurvedPage, estimate_curved_page
 from services.sheet.evidence import PageEvidence
@@ -219,6 +221,24 @@ def test_a_page_that_seems_curved_is_not_called_flat() -> None:
     flat = replace(found, seems="planar")
     flat.__dict__["plane"] = found.plane
     assert _with_doubt(flat).notices == said
+
+
+@pytest.mark.parametrize(
+    ("creased", "by_text", "better"), [(2, 1, False), (1, 2, True), (1, None, True), (None, 1, False)]
+)
+def test_a_creased_sheet_needs_straighter_sides_than_the_smooth_one_of_the_text(
+    creased: int | None, by_text: int | None, better: bool
+) -> None:
+    class Stub:
+        def __init__(self) -> None:
+            self.creased, self.smooth_by_text = (
+                None if sides is None else SimpleNamespace(page_map=sides) for sides in (creased, by_text)
+            )
+
+        def sides_of(self, page_map: int) -> float:
+            return float(page_map)
+
+    assert _ends_at_sides_better(cast(Hypotheses, Stub())) == better
 
 
 def test_without_an_outline_there_is_no_mesh() -> None:
