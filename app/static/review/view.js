@@ -33,10 +33,10 @@ export function createView() {
     rows.replaceChildren();
     const of = state.value === "all" ? "" : `state=${state.value}&`;
     nextPart = `layout/results?${of}order=${order.value}&limit=${LISTED}`;
-    await append();
-    if (!rows.children.length) rows.append(make("li", { class: "empty" }, "Nothing to do here."));
+    if ((await append()) && !rows.children.length) rows.append(make("li", { class: "empty" }, "Nothing to do here."));
   }
 
+  /** Adds the next part of the list; false if the service did not give it. */
   async function append() {
     try {
       const response = await request("GET", nextPart);
@@ -44,8 +44,10 @@ export function createView() {
       nextPart = nextOf(response);
       more.hidden = !nextPart;
       rows.append(...results.map(entry));
+      return true;
     } catch (error) {
       notes.replaceChildren(problemNote(error));
+      return false;
     }
   }
 
