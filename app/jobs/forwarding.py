@@ -8,7 +8,6 @@ from typing import IO
 from anyio import to_thread
 from fastapi import Request
 from starlette.datastructures import Headers
-from starlette.formparsers import MultiPartParser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.engine.base import Busy
@@ -23,6 +22,7 @@ from app.jobs.registry import KEY_HEADER, JobCancelled, Jobs
 from app.jobs.stored_request import describe_request
 from models.job_records import StoredJob
 
+_IN_MEMORY_BYTES = 256 * 1024
 BEFORE_JOBS = 1
 """Priority of requests whose clients wait for the answer."""
 
@@ -84,7 +84,7 @@ class JobAdmission:
             await asyncio.shield(self._forget(request, job))
 
     async def _store(self, request: Request, receive: Receive) -> StoredJob:
-        with tempfile.SpooledTemporaryFile(MultiPartParser.spool_max_size) as file:
+        with tempfile.SpooledTemporaryFile(_IN_MEMORY_BYTES) as file:
             size = await self._spool(receive, file)
             file.seek(0)
             description = describe_request(request, request.headers.get("content-type"))

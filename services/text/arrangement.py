@@ -124,35 +124,28 @@ def _place_heads(held: list[list[Part]]) -> None:
 
     These are right of what they are values of, in the same region.
     """
-    rows = [(index, part) for index, parts in enumerate(held) for part in parts]
+    placed = [(index, word) for index, parts in enumerate(held) for part in parts for word in part]
+    if not placed:
+        return
+    places = np.array([index for index, _ in placed])
+    x0, y0, x1, y1 = np.array([word.box for _, word in placed], dtype=np.float64).T
     for index, parts in enumerate(held):
-        numbers = any(character.isdigit() for part in parts for word in part for character in word.text)
-        if not parts or numbers or len(rows_of(parts)) > 1:
+        words = [word for part in parts for word in part]
+        if not words or any(c.isdigit() for word in words for c in word.text) or len(rows_of(parts)) > 1:
             continue
-        words = [word.box for part in parts for word in part]
-        left, right = min(box[0] for box in words), max(box[2] for box in words)
-        bottom, height = max(box[3] for box in words), float(np.median([box[3] - box[1] for box in words]))
-        below = [
-            (word.box[1], number, part)
-            for number, part in rows
-            if number != index
-            for word in part
-            if word.box[2] > left and word.box[0] < right and word.box[1] + word.box[3] > 2 * bottom
-        ]
-        if not below:
+        boxes = np.array([word.box for word in words], dtype=np.float64)
+        left, right, bottom = boxes[:, 0].min(), boxes[:, 2].max(), boxes[:, 3].max()
+        height = float(np.median(boxes[:, 3] - boxes[:, 1]))
+        below = (places != index) & (x1 > left) & (x0 < right) & (y0 + y1 > 2 * bottom)
+        if not below.any():
             continue
-        top, target, _ = min(below, key=lambda found: found[0])
-        first = [
-            word
-            for _, number, part in below
-            if number == target
-            for word in part
-            if abs(word.box[1] - top) < height and word.box[2] > left and word.box[0] < right
-        ]
-        entries = any(word.box[2] <= left for number, part in rows if number == target for word in part)
-        if top - bottom <= _HEAD_GAP * height and _is_value(first) and entries:
-            held[target] += parts
-            held[index] = []
+        first = np.flatnonzero(below)[np.argmin(y0[below])]
+        of_table = places == places[first]
+        row = np.flatnonzero(below & of_table & (np.abs(y0 - y0[first]) < height))
+        is_near = y0[first] - bottom <= _HEAD_GAP * height
+        if is_near and _is_value([placed[k][1] for k in row]) and (of_table & (x1 <= left)).any():
+            held[int(places[first])] += parts
+            held[index], places[places == index] = [], places[first]
 
 
 def _is_value(part: Part) -> bool:

@@ -78,9 +78,8 @@ def _estimate_numeric(statistics: LabelStatistics) -> tuple[NDArray[np.float64],
 def _estimate_content(statistics: LabelStatistics) -> NDArray[np.float64]:
     read = statistics.read
     overall = (statistics.content.sum(axis=0) + 0.05) / (read.sum(axis=0) + 0.5)
-    expected = (statistics.content + overall) / (
-        read + 1.0
-    )  # as if one zone had been seen with all zones' frequency
+    # As if one more zone had been seen, with the frequency of all.
+    expected = (statistics.content + overall) / (read + 1.0)
     return np.where(read > 0, np.clip(expected, *CONTENT_RANGE), np.nan)
 
 
