@@ -16,6 +16,7 @@ from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.line_residual import ResidualParameters, morph_to_lines
 from services.sheet.outline.results import LEAST_POINTS, SheetOutline
+from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.observations import SheetObservations, SideObservations
@@ -53,7 +54,7 @@ IMPROVEMENT = 0.85
 """Share of the straightness before, above which another round gains nothing."""
 MIN_SEEN = 0.35
 """Share of each side that is seen."""
-END = 0.4
+END = 0.15
 """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
 BEYOND = 0.3
 """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
@@ -231,24 +232,32 @@ def estimate_ridged_page(
         )
         for k in order
     )
-    start = mesh_between_sides(
-        view.to_centred(corners),
-        tuple(side.points for side in sides),
-        float(np.exp(prior.log_focal)),
-        FIT.schedule[0].cells,
-    )
-    if start is None:
+    centred = tuple(side.points for side in sides)
+    cells = FIT.schedule[0].cells
+    bent_one_way = None
+    if trace is not None:
+        # Any two bent sides are those of a cylinder for some camera: without text nothing would tell which are not.
+        bent_one_way = cylinder_between_sides(
+            view.to_centred(corners), centred, prior.log_focal, prior.deviation, cells
+        )
+    between = mesh_between_sides(view.to_centred(corners), centred, float(np.exp(prior.log_focal)), cells)
+    if between is None:
         return NoShape("its corners are not those of a rectangle before a camera")
-    if major is not None and abs(print_skew(start, major)) > MAX_SKEW_RAD:
+    if major is not None and abs(print_skew(between, major)) > MAX_SKEW_RAD:
         return NoShape("its print is askew on it")
     seen = SheetObservations(NO_LINES, strokes, sides, prior.log_focal, prior.deviation)
     steps = FOCAL_STEPS if prior.source == "assumed" else ()
-    mesh, lines = _fit_to_lines(start, trace, seen, steps)
-    reason = _implausibility(mesh, sides)
+    fits = [_fit_start(start, trace, seen, steps) for start in (bent_one_way, between) if start is not None]
+    for first, found in sorted(fits, key=lambda fit: fit[0].cost):
+        mesh, lines = _fit_again(first.mesh, found, trace, seen)
+        reason = _implausibility(mesh, sides)
+        if reason is None:
+            break
     if reason is not None and trace is not None and major is not None:
         # Lines that cross a sharp crease are easily linked to their neighbours; their directions are not.
-        turned = fit_mesh(start, replace(seen, flow=major), replace(FIT, schedule=FIT_TO_FLOW)).mesh
-        mesh, lines = _fit_to_lines(turned, trace, seen, ())
+        turned = fit_mesh(between, replace(seen, flow=major), replace(FIT, schedule=FIT_TO_FLOW)).mesh
+        first, found = _fit_start(turned, trace, seen, ())
+        mesh, lines = _fit_again(first.mesh, found, trace, seen)
         reason = _implausibility(mesh, sides)
     if reason is not None:
         return NoShape(reason)
@@ -275,26 +284,35 @@ def without_waves(
     return morph_to_lines(mesh, seen, mesh.border(), WAVES), seen
 
 
-def _fit_to_lines(
+def _fit_start(
     start: SheetMesh,
     trace: Callable[[PageMap], LineObservations] | None,
     seen: SheetObservations,
     focal_steps: tuple[float, ...],
-) -> tuple[SheetMesh, LineObservations]:
-    """The mesh fitted to `seen` and to the lines that `trace` finds in its view, round by round; and these lines."""
+) -> tuple[FittedMesh, LineObservations]:
+    """The mesh fitted to `seen` and to the lines that `trace` finds in the view of its `start`; and these lines."""
     if trace is None:
-        return fit_mesh(start, seen, SIDES_ONLY).mesh, NO_LINES
-    mesh, lines, straightness = start, NO_LINES, float("inf")
-    for number in range(ROUNDS):
+        return fit_mesh(start, seen, SIDES_ONLY), NO_LINES
+    lines = trace(start)
+    observed = replace(seen, lines=lines)
+    return _search_focal(fit_mesh(start, observed, FIT), observed, focal_steps), lines
+
+
+def _fit_again(
+    mesh: SheetMesh,
+    lines: LineObservations,
+    trace: Callable[[PageMap], LineObservations] | None,
+    seen: SheetObservations,
+) -> tuple[SheetMesh, LineObservations]:
+    """The fitted mesh, fitted again to the lines that `trace` finds in its view, round by round; and these lines."""
+    if trace is None:
+        return mesh, lines
+    straightness = measure_straightness(mesh, lines)
+    for _ in range(ROUNDS - 1):
         lines = trace(mesh)
-        schedule = AGAIN if number else FIT.schedule
-        fitted = fit_mesh(mesh, replace(seen, lines=lines), replace(FIT, schedule=schedule))
-        if not number:
-            fitted = _search_focal(fitted, replace(seen, lines=lines), focal_steps)
-        mesh = fitted.mesh
+        mesh = fit_mesh(mesh, replace(seen, lines=lines), replace(FIT, schedule=AGAIN)).mesh
         before, straightness = straightness, measure_straightness(mesh, lines)
-        gained = straightness <= IMPROVEMENT * before
-        if number and (not lines.count or straightness < STRAIGHT or not gained):
+        if not lines.count or straightness < STRAIGHT or not straightness <= IMPROVEMENT * before:
             break
     return mesh, lines
 

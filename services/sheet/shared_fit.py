@@ -11,7 +11,7 @@ from services.arrays import Floats, Points, Vector
 from services.robust import cauchy
 from services.sheet.developable.observations import SLANT_MEAN_RAD, PageObservations
 from services.sheet.developable.print_residuals import FittingParameters, PrintResiduals, Residual, under
-from services.sheet.developable.residuals import SLOPE, USUAL_SKEW_RAD, bend_priors
+from services.sheet.developable.residuals import SLOPE, USUAL_SKEW_RAD, shared_bend_priors
 from services.sheet.developable.variation import GLOBAL, SKEW, SLOPES, vary_page
 from services.sheet.ridged.parameters import MAX_DAMPING
 from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherCamera
@@ -215,7 +215,7 @@ class _SheetResiduals:
 
     def _priors(self, sheet: SharedSheet) -> Residual:
         eye = np.eye(self.unknowns)
-        bends = bend_priors(sheet.bends, eye[OF_BENDS : self.shape], sheet.basis.spacing, sides_seen=False)
+        bends = shared_bend_priors(sheet.bends, eye[OF_BENDS : self.shape], sheet.basis.spacing)
         focal = [np.log(camera.focal) for camera in sheet.held]
         mean = [part.observed.log_focal for part in self.parts]
         # What is known of a camera counts once, however many photos it took.

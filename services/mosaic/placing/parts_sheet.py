@@ -29,7 +29,7 @@ from services.mosaic.registration.pair_registration import PairRegistration
 from services.order_statistics import median
 from services.sheet.curved_page import REACH, CurvedPage, implausibility, page_hull
 from services.sheet.developable.fitting import FittedSurface, rescale_deviations, shown_deviations
-from services.sheet.developable.observations import PageObservations
+from services.sheet.developable.observations import NO_EDGES, PageObservations
 from services.sheet.developable.print_residuals import FittingParameters
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.framing import CurvedFrame, frame_curved_page
@@ -94,18 +94,21 @@ def find_sheet_of_parts(
         return None
     start = min(starts, key=lambda start: start[1])[0]
     shared, held_out = _share(parts, order, pairs, start)
-    seen = [
+    # Homographies of single views are fitted to all correspondences, those that are held out here too.
+    most = min(MOST_LEFT, max(LEFT_BY_MATCHING, measure_apart(photos, pairs, placements)))
+    whole = [
         _observe(k, page, start.surface(camera))
         for k, (page, camera) in enumerate(zip(pages, start.cameras, strict=True))
     ]
-    sheet = fit_shared_sheet(start, seen, shared).sheet
-    left = _left(sheet, parts, held_out)
-    # Homographies of single views are fitted to all correspondences, those that are held out here too.
-    if not left <= min(MOST_LEFT, max(LEFT_BY_MATCHING, measure_apart(photos, pairs, placements))):
-        return None
-    if not all(map(_is_plausible, pages, sheet.cameras, map(sheet.surface, sheet.cameras), seen)):
-        return None
-    return _describe(sheet, parts, order, left)
+    tried = [whole]
+    if any(len(part.observed.edges.points) for part in whole):
+        tried.append([replace(part, observed=replace(part.observed, edges=NO_EDGES)) for part in whole])
+    for seen in tried:
+        sheet = fit_shared_sheet(start, seen, shared).sheet
+        left, surfaces = _left(sheet, parts, held_out), map(sheet.surface, sheet.cameras)
+        if left <= most and all(map(_is_plausible, pages, sheet.cameras, surfaces, seen)):
+            return _describe(sheet, parts, order, left)
+    return None
 
 
 def _is_plausible(page: SeenPage, camera: OtherCamera, surface: DevelopableSurface, part: SeenPart) -> bool:
@@ -221,22 +224,19 @@ def _join_bends(basis: BendBasis, told: Sequence[tuple[Vector, Vector]]) -> Vect
 
 
 def _observe(k: int, page: SeenPage, surface: DevelopableSurface) -> SeenPart:
-    """The print of photo `k`; lines are those of its own surface, or are traced on the sheet.
-
-    The sides of the sheet are left out: what a part shows as one may be another edge (of nine sets two were three times
-    as exact without them, one a tenth less).
-    """
+    """The print of photo `k`, and sides; lines are those of its own surface, or are traced on the sheet."""
     e, shape, prior = page.evidence, _smooth(page), page.focal_prior
     p = FittingParameters(cauchy_flows=True)
     if shape is not None:
         p, lines = shown_deviations(rescale_deviations(p, shape.fitted), shape.fitted), shape.lines
+        edges = shape.edges
     else:
-        lines = trace_lines(e.text, e.view, surface)
+        lines, edges = trace_lines(e.text, e.view, surface), NO_EDGES
     hull = page_hull(e.characters)
     # Photos for which one focal length was measured, by Exif or earlier photos, are of one camera.
     camera = prior if prior.source in MEASURED else k
     return SeenPart(
-        PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation), p, camera
+        PageObservations(e.major, e.minor, lines, hull, prior.log_focal, prior.deviation, edges), p, camera
     )
 
 

@@ -166,8 +166,9 @@ def _needs_creases(creased: RidgedPage, smooth: CurvedPage, found: Hypotheses) -
     sides bent, the sheet is not smooth, and the better one is right.
     """
     by_sides, gain = found.sides_of(creased.page_map) / found.sides_of(smooth.page_map), 1.0
-    if not len(smooth.edges.points):  # the sides are not those of the sheet: they say nothing
-        by_sides, gain = 1.0, CURVED_GAIN
+    if not len(smooth.edges.points):
+        # The sides may be those of a stack of pages, and then say nothing.
+        by_sides, gain = by_sides if found.believed_outline else 1.0, CURVED_GAIN
     elif found.sides_of(smooth.page_map) < SMOOTH_SIDES:
         gain = CREASED_GAIN
     traced = False

@@ -13,7 +13,7 @@ from services.sheet.curved_page import CurvedPage, estimate_curved_page, fit_flo
 from services.sheet.developable.fitting import FittedSurface
 from services.sheet.developable.observations import NO_EDGES, LineObservations, SideObservations
 from services.sheet.evidence import PageEvidence
-from services.sheet.outline.results import CERTAIN_CONFIDENCE, SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, CERTAIN_CONFIDENCE, SheetOutline
 from services.sheet.plane.outline_plane import SheetSides
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import ASLANT_RAD, EDGES_BELIEVED, choose_pose
@@ -64,6 +64,11 @@ class Hypotheses:
     def bend_of_sides(self) -> float:
         """RMS distance of the sheet's sides from straight lines in the photo, as a share of its size; 0 without any."""
         return 0.0 if self.outline is None else mean_bend(self.outline)
+
+    @property
+    def believed_outline(self) -> bool:
+        """Whether the outline is rather the sheet's than that of a stack of pages."""
+        return self.outline is not None and self.outline.confidence >= BELIEVED_CONFIDENCE
 
     @property
     def certain_outline(self) -> bool:

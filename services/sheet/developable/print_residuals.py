@@ -69,13 +69,16 @@ class StraightEdges:
     and y across it, both from the side's mean, m = sum(w x y) / sum(w x x), and y - m x is left.
     """
 
-    def __init__(self, edges: SideObservations, start: DevelopableSurface, p: FittingParameters) -> None:
+    def __init__(
+        self, edges: SideObservations, start: DevelopableSurface, p: FittingParameters, unit: float
+    ) -> None:
         self.index, self.upright = edges.index, edges.upright
         # Across a side, one unit of the photo is this many units of the page; fixed at the start.
         grow = np.ones(len(self.index))
         if len(self.index):
             J = np.nan_to_num(start.jacobians(edges.points))
             grow = np.maximum(np.linalg.norm(J[np.arange(len(J)), (~self.upright).astype(int)], axis=1), 0.1)
+            grow *= unit
         self.deviation = np.hypot(edges.deviations, SIDE_FLOOR) * p.side_factor * grow
         self.weight = 1 / self.deviation**2
         count = int(self.index.max()) + 1 if len(self.index) else 0
@@ -144,7 +147,7 @@ class PrintResiduals:
             grow = unit * np.linalg.norm(J[:, 1], axis=1)
         self.line_deviation = lines.deviations * p.line_factor * np.maximum(grow, 1e-6)
         self.text_height = lines.text_height * (float(np.median(grow)) if len(grow) else 1.0)
-        self.edges = StraightEdges(observed.edges, start, p)
+        self.edges = StraightEdges(observed.edges, start, p, unit)
 
     def parts(self, q: Points, dq: Floats, slant: float, slant_at: int) -> dict[str, Residual]:
         """Residuals of `major`, `minor`, `straight`, `spacing`, `margins`, `sides` before any loss.

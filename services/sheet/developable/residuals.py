@@ -30,6 +30,9 @@ RIM_DIFFERENCE = 0.7
 RIM_BENDS = 2
 """Deviation of the first differences of this many bends at either end, beyond the text: the bend continues. Where
 the sheet's sides are seen, they show the bend there."""
+UNCREASED_BENDS = 3
+"""This many bends at either end change as on paper without creases where several photos show the sheet: with two a flat
+page folded beyond its text, as it did where creases are cheap there."""
 GROWTH = 0.35
 GROWTH_DEVIATION = 0.05
 """Under the text, neighbouring rulings may approach each other to about this share of their distance."""
@@ -59,19 +62,38 @@ def bend_priors(bends: Vector, slope: Floats, spacing: float, sides_seen: bool) 
     far apart have the same ones. Paper may have creases: to fine splines large changes of the bend are cheap (Cauchy's
     loss). Not to wide ones, which are fitted first: at the end of a flat page's text one made a fold.
     """
+    uncreased = 0 if spacing < 1.0 else len(bends)
+    rim = 0 if sides_seen else round(RIM_BENDS / spacing)
+    return _bend_priors(bends, slope, spacing, rim, uncreased)
+
+
+def shared_bend_priors(bends: Vector, slope: Floats, spacing: float) -> Residual:
+    """The same of a sheet that several photos show: beyond the text its bend may change, but has no creases."""
+    return _bend_priors(bends, slope, spacing, 0, round(UNCREASED_BENDS / spacing))
+
+
+def _bend_priors(bends: Vector, slope: Floats, spacing: float, rim: int, uncreased: int) -> Residual:
+    """The `rim` first and last differences are nearly zero; no creases are at as many changes as `uncreased`."""
     first, second = np.diff(slope, axis=0), np.diff(slope, 2, axis=0)
     difference = np.full(len(first), BEND_DIFFERENCE)
-    rim = round(RIM_BENDS / spacing)
-    if not sides_seen:
-        difference[:rim] = difference[len(first) - rim :] = RIM_DIFFERENCE
+    difference[:rim] = difference[len(first) - rim :] = RIM_DIFFERENCE
     difference *= spacing**0.5
     change, size = BEND_CHANGE * spacing**1.5, BEND * spacing**-0.5
     changes = Residual(np.diff(bends, 2) / change, second / change)
-    if spacing < 1.0:
-        changes = under(cauchy, changes)
+    creased = under(cauchy, changes)
+    inner = np.zeros(len(second), bool)
+    inner[uncreased : len(second) - uncreased] = True
     return Residual(
-        np.concatenate([np.diff(bends) / difference, changes.value, bends / size]),
-        np.concatenate([first / difference[:, None], changes.slope, slope / size]),
+        np.concatenate(
+            [np.diff(bends) / difference, np.where(inner, creased.value, changes.value), bends / size]
+        ),
+        np.concatenate(
+            [
+                first / difference[:, None],
+                np.where(inner[:, None], creased.slope, changes.slope),
+                slope / size,
+            ]
+        ),
     )
 
 

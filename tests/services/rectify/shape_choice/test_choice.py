@@ -15,12 +15,19 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
 from services.rectify.analysis.page_analysis import analyse_photo
-from services.rectify.shape_choice import hypotheses
-from services.rectify.shape_choice.choice import VISIBLE_BEND, _ends_at_sides_better, _with_doubt, rank_shapes
+from services.rectify.shape_choice import choice, hypotheses
+from services.rectify.shape_choice.choice import (
+    VISIBLE_BEND,
+    _ends_at_sides_better,
+    _needs_creases,
+    _with_doubt,
+    rank_shapes,
+)
 from services.rectify.shape_choice.hypotheses import STRAIGHT_SIDE, Hypotheses
 from services.sheet.curved_page import CurvedPage, estimate_curved_page
+from services.sheet.developable.observations import NO_EDGES, NO_LINES
 from services.sheet.evidence import PageEvidence
-from services.sheet.outline.results import SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.plane import pose
 from services.sheet.plane.outline_plane import read_sides
 from services.sheet.plane.planar_page import PlanarPage
@@ -239,6 +246,24 @@ def test_a_creased_sheet_needs_straighter_sides_than_the_smooth_one_of_the_text(
             return float(page_map)
 
     assert _ends_at_sides_better(cast(Hypotheses, Stub())) == better
+
+
+@pytest.mark.parametrize("confidence", [BELIEVED_CONFIDENCE - 0.01, BELIEVED_CONFIDENCE])
+def test_sides_that_the_smooth_sheet_was_not_fitted_to_count_where_they_are_believed(
+    confidence: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evidence, outline, _ = seen("crossed")
+    found = Hypotheses(evidence, prior_of("crossed"), "curved", replace(outline, confidence=confidence), None)
+    creased, by_text = found.creased, cast(CurvedPage, SimpleNamespace(page_map=object(), edges=NO_EDGES))
+    assert creased is not None
+    sides = {id(creased.page_map): 0.7, id(by_text.page_map): 1.0}
+    monkeypatch.setattr(found, "sides_of", lambda page_map: sides[id(page_map)])
+    monkeypatch.setattr(found, "profiles_in", lambda _: NO_LINES)
+    # Lines 0.9 times as bent are no reason by themselves; with sides 0.7 times as bent they are.
+    monkeypatch.setattr(
+        choice, "measure_straightness", lambda page_map, _: 0.9 if page_map is creased.page_map else 1.0
+    )
+    assert _needs_creases(creased, by_text, found) == (confidence >= BELIEVED_CONFIDENCE)
 
 
 def test_without_an_outline_there_is_no_mesh() -> None:
