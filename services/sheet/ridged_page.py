@@ -36,6 +36,8 @@ FIT = RidgedParameters()
 SIDES_ONLY = RidgedParameters(bend_rad=3.0)
 """Without text. Sides alone do not separate a few creases from a smooth bend, which is more frequent: a prior for
 few ridges made cylinders worse than the start (aspect 3-12 % off, now 0-1.5 %)."""
+COARSE, FINE = FIT.schedule[:-1], FIT.schedule[-1:]
+"""Of two starts the one of less cost after the first stages goes on."""
 FIT_TO_FLOW = (Stage(12, 100.0, 10.0, 30.0), Stage(12, 10.0, 3.0, 3.0))
 """Schedule of a fit to the directions of the text lines, before any is traced."""
 FOCAL_STEPS = (1.25, 0.8)
@@ -247,17 +249,17 @@ def estimate_ridged_page(
         return NoShape("its print is askew on it")
     seen = SheetObservations(NO_LINES, strokes, sides, prior.log_focal, prior.deviation)
     steps = FOCAL_STEPS if prior.source == "assumed" else ()
-    fits = [_fit_start(start, trace, seen, steps) for start in (bent_one_way, between) if start is not None]
-    for first, found in sorted(fits, key=lambda fit: fit[0].cost):
-        mesh, lines = _fit_again(first.mesh, found, trace, seen)
+    fits = [_fit_coarsely(start, trace, seen) for start in (bent_one_way, between) if start is not None]
+    for coarse, found in sorted(fits, key=lambda fit: fit[0].cost):
+        mesh, lines = _fit_finely(coarse.mesh, found, trace, seen, steps)
         reason = _implausibility(mesh, sides)
         if reason is None:
             break
     if reason is not None and trace is not None and major is not None:
         # Lines that cross a sharp crease are easily linked to their neighbours; their directions are not.
         turned = fit_mesh(between, replace(seen, flow=major), replace(FIT, schedule=FIT_TO_FLOW)).mesh
-        first, found = _fit_start(turned, trace, seen, ())
-        mesh, lines = _fit_again(first.mesh, found, trace, seen)
+        coarse, found = _fit_coarsely(turned, trace, seen)
+        mesh, lines = _fit_finely(coarse.mesh, found, trace, seen, ())
         reason = _implausibility(mesh, sides)
     if reason is not None:
         return NoShape(reason)
@@ -284,29 +286,31 @@ def without_waves(
     return morph_to_lines(mesh, seen, mesh.border(), WAVES), seen
 
 
-def _fit_start(
-    start: SheetMesh,
-    trace: Callable[[PageMap], LineObservations] | None,
-    seen: SheetObservations,
-    focal_steps: tuple[float, ...],
+def _fit_coarsely(
+    start: SheetMesh, trace: Callable[[PageMap], LineObservations] | None, seen: SheetObservations
 ) -> tuple[FittedMesh, LineObservations]:
-    """The mesh fitted to `seen` and to the lines that `trace` finds in the view of its `start`; and these lines."""
+    """The first stages of the fit to `seen` and to the lines that `trace` finds in the start's view; and the lines."""
     if trace is None:
-        return fit_mesh(start, seen, SIDES_ONLY), NO_LINES
+        return fit_mesh(start, seen, replace(SIDES_ONLY, schedule=COARSE)), NO_LINES
     lines = trace(start)
-    observed = replace(seen, lines=lines)
-    return _search_focal(fit_mesh(start, observed, FIT), observed, focal_steps), lines
+    return fit_mesh(start, replace(seen, lines=lines), replace(FIT, schedule=COARSE)), lines
 
 
-def _fit_again(
+def _fit_finely(
     mesh: SheetMesh,
     lines: LineObservations,
     trace: Callable[[PageMap], LineObservations] | None,
     seen: SheetObservations,
+    focal_steps: tuple[float, ...],
 ) -> tuple[SheetMesh, LineObservations]:
-    """The fitted mesh, fitted again to the lines that `trace` finds in its view, round by round; and these lines."""
+    """The mesh fitted to the `lines` of its start, and to those that `trace` finds in its view, round by round.
+
+    Beside it the lines of the last round.
+    """
     if trace is None:
-        return mesh, lines
+        return fit_mesh(mesh, seen, replace(SIDES_ONLY, schedule=FINE)).mesh, lines
+    observed = replace(seen, lines=lines)
+    mesh = _search_focal(fit_mesh(mesh, observed, replace(FIT, schedule=FINE)), observed, focal_steps).mesh
     straightness = measure_straightness(mesh, lines)
     for _ in range(ROUNDS - 1):
         lines = trace(mesh)
@@ -323,7 +327,7 @@ def _search_focal(fitted: FittedMesh, observed: SheetObservations, steps: tuple[
     If depth and focal length grow by the same factor, the photo does not change. So a fit stays near the focal length
     of its start, even if another one explains the photo better.
     """
-    last = replace(FIT, schedule=FIT.schedule[-1:], gain=FOCAL_ENDS)
+    last = replace(FIT, schedule=FINE, gain=FOCAL_ENDS)
     for step in steps:
         tried = fit_mesh(fitted.mesh.deepened(step), observed, last)
         off = abs(float(np.log(tried.mesh.focal)) - observed.log_focal)
