@@ -5,7 +5,7 @@ import zipfile
 from dataclasses import dataclass
 from typing import Literal, NotRequired, TypedDict
 
-from services.contract.rectify import Corners, Crop, Illumination, PageKind, Rotation
+from services.contract.rectify import Corners, Crop, Illumination, Origin, PageKind, PrintedPage, Rotation
 
 MOST_BOUND_PAGES = 200
 """Of one file of kept pages."""
@@ -118,6 +118,7 @@ class KeptPageJson(TypedDict):
     rotation_found: int
     stretch: list[float]
     is_document: bool
+    print_turn: NotRequired[Rotation | None]
     dpi: float | None
     format: Literal["jpeg", "png", "webp", "tiff", "heic"]
     text: NotRequired[KeptTextJson]
@@ -135,6 +136,13 @@ class KeptPage:
 
     bundle: bytes
     document: KeptPageJson
+
+    def origin(self) -> Origin:
+        """That of its picture."""
+        turn = self.document.get("print_turn")
+        if turn is not None:
+            return PrintedPage(turn)
+        return "page" if self.document["is_document"] else "photo"
 
     def photo(self) -> bytes:
         """The photo: an image file."""

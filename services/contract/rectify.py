@@ -20,6 +20,17 @@ MOST_MARGIN = 20.0
 
 
 @dataclass(frozen=True, slots=True)
+class PrintedPage:
+    """A page of a PDF that is set in type, not an image of a page: it is flat, and upright after a clockwise `turn`."""
+
+    turn: Rotation
+
+
+Origin = Literal["photo", "page"] | PrintedPage
+"""Where a picture is from: a camera, a scanner or an unknown program, or a page of a PDF."""
+
+
+@dataclass(frozen=True, slots=True)
 class PageParameters:
     """Options of a page, whether it is in one photo or in several. All fields have the names of the HTTP contract.
 

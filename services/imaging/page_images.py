@@ -10,6 +10,7 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.contract.images import DocumentLimits, ImageLimits
+from services.contract.rectify import Origin, PrintedPage
 from services.errors import DocumentError, InvalidOption, TooLarge, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.codec import DecodedImage, UploadFormat, count_pixels, decode_image, detect_format
@@ -39,8 +40,7 @@ class PagePicture(NamedTuple):
     """Width and height of the page; None: those of `pixels`."""
     camera: str | None = None
     """Name of the camera by EXIF."""
-    is_document: bool = False
-    """Whether it is a page of a PDF."""
+    origin: Origin = "photo"
     pixel_aspect: float = 1.0
     """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
     stretch: tuple[float, float] = (1.0, 1.0)
@@ -162,8 +162,7 @@ def page_picture(image: DecodedImage) -> PagePicture:
         image.reduction,
         image.size,
         image.camera,
-        False,
-        image.pixel_aspect,
+        pixel_aspect=image.pixel_aspect,
     )
 
 
@@ -224,7 +223,9 @@ class _Pdf:
     def decode(self, page: int, enough_px: int | None) -> PagePicture:
         width, height, scale = self._plan(page)
         picture = np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width])
-        return PagePicture(picture, None, dpi=scale * POINTS_PER_INCH, is_document=True)
+        turn = self.pages.print_turn(page)
+        origin: Origin = "page" if turn is None else PrintedPage(turn)
+        return PagePicture(picture, None, dpi=scale * POINTS_PER_INCH, origin=origin)
 
     def _plan(self, page: int) -> tuple[int, int, float]:
         """Width and height in pixels, and pixels a point."""

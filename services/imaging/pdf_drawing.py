@@ -20,6 +20,7 @@ import numpy as np
 
 import services
 from services.arrays import RgbImage
+from services.contract.rectify import Rotation
 from services.errors import DocumentError, TooLarge, UndecodableImage
 from services.imaging.pdf_process import read_message, write_message
 
@@ -73,6 +74,12 @@ class PdfPages:
         pixels = np.frombuffer(body, np.uint8).reshape(rows, stride)[:, : stride // channels * channels]
         pixels = pixels.reshape(rows, -1, channels)
         return np.array(pixels[:, :, :3] if channels > 1 else np.repeat(pixels, 3, axis=2))  # a copy
+
+    def print_turn(self, page: int) -> Rotation | None:
+        """The clockwise turn after which a page, counted from 0, is upright; None if it is not set in type."""
+        header, _ = self._exchange({"turned": page}, b"", f"Page {page + 1} of the PDF")
+        turn: Rotation | None = header["turn"]
+        return turn
 
     def _exchange(self, header: dict[str, object], body: bytes, what: str) -> tuple[dict[str, Any], bytes]:
         """The reply to a request; the process is killed when the reply takes too long."""

@@ -133,7 +133,7 @@ def analyse_again(kept: KeptPage, bundle: PageBundle, wish: PageWish) -> KeptPag
         on_no_text="keep",
     )
     picture = page_picture(decode_image(bundle.photo, OWN))._replace(
-        is_document=kept.document["is_document"], original=bundle.photo
+        origin=kept.origin(), original=bundle.photo
     )
     (page,) = flatten_picture(picture, asked, Encoding())
     assert page.kept is not None

@@ -227,7 +227,7 @@ def measure_page(
         if options.rectify:
             with progress_within(0.05, FLATTENED):
                 reader = ocr_engine(options.language)
-                flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.is_document)
+                flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.origin)
             described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
             picture, notices = flat.image, flat.warnings
             timings_ms |= flat.timings_ms

@@ -125,7 +125,7 @@ def name_camera(parameters: RectifyParameters, photo: PagePicture) -> RectifyPar
 def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
     try:
         engine = ocr_engine(parameters.language)
-        return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
+        return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
     except NoText as refusal:
         if parameters.on_no_text != "keep":
             raise
@@ -135,7 +135,7 @@ def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult
 def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> RectifiedPages:
     try:
         engine = ocr_engine(parameters.language)
-        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.is_document)
+        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
     except NoText as refusal:
         if parameters.on_no_text != "keep":
             raise
@@ -183,9 +183,7 @@ def describe_preview(
     )
     reduced = reduce_parameters(parameters, photo.reduction)
     try:
-        found = rectify(
-            photo.pixels, reduced, photo.focal_length_px, is_document=photo.is_document, effort=BRIEF
-        )
+        found = rectify(photo.pixels, reduced, photo.focal_length_px, origin=photo.origin, effort=BRIEF)
     except NoText as refusal:
         if parameters.on_no_text != "keep":
             raise

@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from services.arrays import Points, RgbImage
-from services.contract.rectify import Crop, PageKind, RectifyParameters
+from services.contract.rectify import Crop, Origin, PageKind, PrintedPage, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
@@ -80,7 +80,7 @@ def rectify(
     parameters: RectifyParameters,
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
-    is_document: bool = False,
+    origin: Origin = "photo",
     effort: Effort = WHOLE,
 ) -> RectifyResult:
     """Flatten the page in a photo: its frontal view, upright.
@@ -97,8 +97,8 @@ def rectify(
         Focal length of EXIF in photo pixels, if there is one.
     ocr
         Reads lines to find which way is up; without it the view is not turned.
-    is_document
-        Whether the photo is a page of a document, as of a PDF: then it is a page, with or without text.
+    origin
+        Of the photo: a page of a PDF is a page, with or without text, and flat where it is print.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def rectify(
     """
     check_parameters(photo.shape[1], photo.shape[0], parameters)
     clock = StageClock(STAGE_BEGINS)
-    page = find_page(photo, parameters, exif_focal_length_px, clock, is_document, effort=effort)
+    page = find_page(photo, parameters, exif_focal_length_px, clock, origin, effort=effort)
     if effort.is_brief:
         return _place_page(photo, page, parameters, clock)
     return flatten_page(photo, page, parameters, ocr, clock)
@@ -149,7 +149,10 @@ def flatten_page(
             view = best_view(photo, page, parameters, drawing.begin)
         page, analysis = view.page, view.page.analysis
         notices, orientation = [*page.notices, *view.notices], drawing.expected
-        if parameters.upright and parameters.page_turn is None and page.corners is None:
+        wished = parameters.upright and parameters.page_turn is None
+        if wished and page.turn is not None:
+            orientation = Orientation(page.turn, False, None)
+        elif wished and page.corners is None:
             with clock.stage("orientation"):
                 orientation, notice = orient_page(photo, analysis, view.frame, ocr)
             notices += [notice] if notice else []
@@ -190,7 +193,7 @@ def find_page(
     parameters: RectifyParameters,
     exif_focal_length_px: float | None,
     clock: StageClock,
-    is_document: bool = False,
+    origin: Origin = "photo",
     *,
     needs_text: bool = False,
     effort: Effort = WHOLE,
@@ -211,7 +214,7 @@ def find_page(
         return _find_page_between(
             Halves(photo), np.array(parameters.page_corners), view, prior, parameters.kind, clock
         )
-    search = _Search(photo, view, prior, parameters, is_document, effort, clock)
+    search = _Search(photo, view, prior, parameters, origin, effort, clock)
     try:
         page = search.page_by_text()
         return replace(page, notices=(*page.notices, OTHER_SHEET)) if search.other_sheet else page
@@ -233,7 +236,7 @@ class _Search:
     view: PhotoFrame
     prior: FocalPrior
     parameters: RectifyParameters
-    is_document: bool
+    origin: Origin
     effort: Effort
     clock: StageClock
     halves: Halves = field(init=False)
@@ -270,11 +273,13 @@ class _Search:
                 self.halves, text, self.effort.analysis, self.clock, in_region=in_region
             )
         else:
-            begin = self.outlines.begin if region is None else None
+            begin = (
+                self.outlines.begin if region is None and not isinstance(self.origin, PrintedPage) else None
+            )
             analysis = analyse_photo(self.halves, region, clock=self.clock, on_text=begin)
             release_freed_memory()
             self.other_sheet = analysis.window is not None
-            if region is None and not analysis.facing_page:
+            if region is None and not analysis.facing_page and not isinstance(self.origin, PrintedPage):
                 self.seek_outline(analysis)
             beside = text_beside(analysis, self.outline)
             if self.outline is not None and beside == "texture":
@@ -286,9 +291,7 @@ class _Search:
         outline = None if analysis.facing_page else self.outline
         if may_be_flat(self.parameters):
             with self.clock.stage("shape"):
-                flat = flat_page(
-                    self.halves, analysis, outline, self.view, self.prior, is_document=self.is_document
-                )
+                flat = flat_page(self.halves, analysis, outline, self.view, self.prior, origin=self.origin)
             if flat is not None:
                 return flat
         read = self.outlines.read
@@ -309,9 +312,7 @@ class _Search:
         page = self._page_between_sides(None) if self.effort.is_brief else None
         with self.clock.stage("shape"):
             if page is None and may_be_flat(self.parameters):
-                page = blank_flat_page(
-                    self.halves, self.outline, self.view, self.prior, is_document=self.is_document
-                )
+                page = blank_flat_page(self.halves, self.outline, self.view, self.prior, origin=self.origin)
             if page is not None:
                 return page
             if self.effort.is_brief:
@@ -322,7 +323,7 @@ class _Search:
         """The sheet by its four sides alone; None where they are not certain."""
         characters = np.zeros((0, 2)) if text is None else text.characters
         with self.clock.stage("shape"):
-            in_view = sheet_in_view(self.outline, self.view, is_document=self.is_document)
+            in_view = sheet_in_view(self.outline, self.view, origin=self.origin)
             if not in_view or not is_believed(self.outline, characters):
                 return None
             page = sheet_between_sides(self.outline, self.view, self.prior, self.parameters.kind, characters)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from services.arrays import RgbImage, Vector
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import Origin, RectifyParameters
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
@@ -54,7 +54,7 @@ def rectify_spread(
     parameters: RectifyParameters,
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
-    is_document: bool = False,
+    origin: Origin = "photo",
 ) -> RectifiedPages:
     """Frontal flat views of both pages in `photo` (H, W, 3) RGB, the left one first; of one page if only one is found.
 
@@ -70,7 +70,7 @@ def rectify_spread(
     with progress_within(0.0, 0.5):
         pages = _shape_pages(photo, parameters, exif_focal_length_px, clock)
     if len(pages) < 2:
-        result = rectify(photo, parameters, exif_focal_length_px, ocr, is_document)
+        result = rectify(photo, parameters, exif_focal_length_px, ocr, origin)
         return RectifiedPages((result,), (ONE_PAGE,), clock.timings_ms)
     results = []
     for number, page in enumerate(pages):

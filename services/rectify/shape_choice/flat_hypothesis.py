@@ -8,7 +8,7 @@ bend.
 
 import numpy as np
 
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import Origin, PrintedPage, RectifyParameters, Rotation
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
@@ -65,13 +65,14 @@ def flat_page(
     view: PhotoFrame,
     prior: FocalPrior,
     *,
-    is_document: bool,
+    origin: Origin,
 ) -> ShapedPage | None:
     """The `photo` as the page itself; None if the evidence shows another shape.
 
     `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length.
     """
-    if analysis.facing_page or sheet_in_view(outline, view, is_document=is_document):
+    certain = isinstance(origin, PrintedPage)
+    if not certain and (analysis.facing_page or sheet_in_view(outline, view, origin=origin)):
         return None
     evidence = without_slanted_print(analysis).evidence(view)
     plane = level_plane(evidence.major, prior)
@@ -79,9 +80,9 @@ def flat_page(
     upright = _from_axis(skew)
     if abs(upright) > MOST_TURN_RAD:
         # Print that is aslant on an upright page, or an upright photo of a page that lies aslant?
-        return blank_flat_page(photo, outline, view, prior, is_document=is_document)
+        return blank_flat_page(photo, outline, view, prior, origin=origin)
     flow = perspective_by_flow(evidence.major, evidence.characters, view, skew)
-    if flow is not None and _is_sure(flow, CLEAR_FLOW * VISIBLE):
+    if not certain and flow is not None and _is_sure(flow, CLEAR_FLOW * VISIBLE):
         return None
     lines = flatten_text(evidence.text, view, plane).lines
     # Rules and staff lines bend where few lines of text show it.
@@ -89,13 +90,13 @@ def flat_page(
     departure = measure_departure(
         print_lines, evidence.strokes, evidence.characters, view, skew, analysis.text_height_px
     )
-    if is_beaten(departure):
+    if not certain and is_beaten(departure):
         return None
     # Of light print on dark paper the negative has the ground: what is dark and narrow on paper is print.
     printed = photo if analysis.positive is None else Halves(np.asarray(255 - photo.image, np.uint8))
     ground, count = find_ground(printed), lines.count // 2
-    shape = _flat_photo(ground, departure.skew_rad, count, view, prior, is_document=is_document)
-    if not is_document and not _is_print(photo, evidence, shape, ground):
+    shape = _flat_photo(ground, departure.skew_rad, count, view, prior, origin=origin)
+    if origin == "photo" and not _is_print(photo, evidence, shape, ground):
         return None
     hugging = outline if outline is not None and _hugs_frame(outline, view) else None
     return ShapedPage(
@@ -106,7 +107,8 @@ def flat_page(
         analysis,
         evidence.vanishing_points,
         ground=_paper(ground, shape),
-        departure=sure_departure(departure),
+        departure=0.0 if certain else sure_departure(departure),
+        turn=_turn(origin),
     )
 
 
@@ -116,22 +118,27 @@ def blank_flat_page(
     view: PhotoFrame,
     prior: FocalPrior,
     *,
-    is_document: bool,
+    origin: Origin,
 ) -> ShapedPage | None:
     """The `photo` as the page itself, whose text shows no direction; None if it is not known to be a page.
 
     A page of a PDF is one without any text; another picture must have level print on one ground.
     """
-    if not is_document and sheet_in_view(outline, view, is_document=is_document):
+    if origin == "photo" and sheet_in_view(outline, view, origin=origin):
         return None
     ground = find_ground(photo)
-    if not is_document and (ground is None or not photo_shows_print(photo)):
+    if origin == "photo" and (ground is None or not photo_shows_print(photo)):
         return None
-    shape = _flat_photo(ground, 0.0, 0, view, prior, is_document=is_document)
-    return ShapedPage(view, shape, (), ground=_paper(ground, shape))
+    shape = _flat_photo(ground, 0.0, 0, view, prior, origin=origin)
+    return ShapedPage(view, shape, (), ground=_paper(ground, shape), turn=_turn(origin))
 
 
-def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, is_document: bool) -> bool:
+def _turn(origin: Origin) -> Rotation | None:
+    """The clockwise turn after which a printed page is upright."""
+    return origin.turn if isinstance(origin, PrintedPage) else None
+
+
+def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, origin: Origin) -> bool:
     """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame."""
     if outline is None:
         return False
@@ -141,7 +148,7 @@ def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, is_document
         least = WHOLE_CONFIDENCE if len(in_view) == 4 else BELIEVED_CONFIDENCE
     if outline.confidence < least or _hugs_frame(outline, view):
         return False
-    if not is_document:
+    if origin == "photo":
         return True
     # Sides along the axes of a page of a PDF are those of a picture on it.
     ways = np.roll(outline.corners, -1, axis=0) - outline.corners
@@ -205,15 +212,17 @@ def _flat_photo(
     view: PhotoFrame,
     prior: FocalPrior,
     *,
-    is_document: bool,
+    origin: Origin,
 ) -> PhotoAsPage:
     """The photo turned by `skew_rad`, or by the nearest quarter turn where the difference is not visible."""
     off = _from_axis(skew_rad)
     turn = skew_rad if abs(off) > VISIBLE_TURN_RAD else skew_rad - off
+    if isinstance(origin, PrintedPage):
+        turn = 0.0
     box = None if ground is None else ground.box
-    if is_document:
+    if origin != "photo":
         box = (0, 0, view.width - 1, view.height - 1)
-    return PhotoAsPage(turn, float(np.exp(prior.log_focal)), box, lines, keeps_size=is_document)
+    return PhotoAsPage(turn, float(np.exp(prior.log_focal)), box, lines, keeps_size=origin != "photo")
 
 
 def _paper(ground: Ground | None, shape: PhotoAsPage) -> Ground | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from services.arrays import Mask, Points
-from services.contract.rectify import Crop
+from services.contract.rectify import Crop, Rotation
 from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import FlowVanishingPoints
@@ -42,6 +42,8 @@ class ShapedPage:
     """What was found of its text, where its directions were not needed."""
     departure: float | None = None
     """Of a photo that is the page itself: see `sure_departure`; None where its view must show how flat it is."""
+    turn: Rotation | None = None
+    """Of a printed page: the clockwise turn after which it is upright."""
     others: Iterator["ShapedPage"] = field(default_factory=lambda: iter(()))
     """The same page by other shapes, the likeliest one first; each is fitted when it is asked for."""
 

@@ -135,7 +135,8 @@ def judge_view(
     if framed is not None:
         framed(page, frame, white)
     kept = kept_print(frame, boxes, white)
-    cut_letters = 0 if effort.is_brief else count_cut_letters(page, boxes)
+    # Of a printed page nothing is cut by a camera.
+    cut_letters = 0 if effort.is_brief or page.turn is not None else count_cut_letters(page, boxes)
     return JudgedView(
         page,
         frame,

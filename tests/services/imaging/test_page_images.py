@@ -14,6 +14,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 
 from services.contract.images import DocumentLimits, ImageLimits
+from services.contract.rectify import Origin, PrintedPage
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import decode_image, encode_image
 from services.imaging.page_images import RENDER_DPI, open_pages
@@ -131,6 +132,73 @@ def test_a_page_has_its_size_by_user_unit_and_rotation(unit: float | None, facto
     height, width = np.array(picture.pixels.shape[:2]) * 72 / picture.dpi
     expected = factor * np.array([150, 200] if turn == 0 else [200, 150])
     assert (width, height) == pytest.approx(expected, abs=0.3)
+
+
+def set_in_type(
+    text: str, *, lies_deg: float = 0.0, turn: int = 0, image: bool = False, mode: int = 0
+) -> bytes:
+    """A page of a PDF with lines of `text`, over an image of the whole page where there is one."""
+    buffer, document = io.BytesIO(), pikepdf.new()
+    document.add_blank_page(page_size=A4)
+    page = document.pages[0]
+    page.obj["/Rotate"] = turn
+    font = {"/Type": "/Font", "/Subtype": "/Type1", "/BaseFont": "/Helvetica"}
+    names = {key: pikepdf.Name(value) for key, value in font.items()}
+    resources = pikepdf.Dictionary(Font=pikepdf.Dictionary(F1=pikepdf.Dictionary(names)))
+    drawing = ""
+    if image:
+        picture = pikepdf.Stream(document, bytes(4))
+        picture.update(
+            {
+                "/Type": pikepdf.Name("/XObject"),
+                "/Subtype": pikepdf.Name("/Image"),
+                "/Width": 2,
+                "/Height": 2,
+                "/ColorSpace": pikepdf.Name("/DeviceGray"),
+                "/BitsPerComponent": 8,
+            }
+        )
+        resources["/XObject"] = pikepdf.Dictionary(Im1=document.make_indirect(picture))
+        drawing = "q 595 0 0 842 0 0 cm /Im1 Do Q "
+    c, s = np.cos(np.radians(lies_deg)), np.sin(np.radians(lies_deg))
+    lines = [text[k : k + 40] for k in range(0, len(text), 40)]
+    for k, line in enumerate(lines):
+        x, y = 300 + 14 * k * s, 421 - 14 * k * c
+        drawing += (
+            f"BT {mode} Tr /F1 10 Tf {c:.4f} {s:.4f} {-s:.4f} {c:.4f} {x:.1f} {y:.1f} Tm ({line}) Tj ET "
+        )
+    page.obj["/Resources"] = resources
+    page.obj["/Contents"] = pikepdf.Stream(document, drawing.encode())
+    document.save(buffer)
+    return buffer.getvalue()
+
+
+def origin_of(upload: bytes) -> Origin:
+    with open_pages([upload], LIMITS) as pages:
+        return pages[0].decode().origin
+
+
+@pytest.mark.parametrize("turn", [0, 90, 180, 270])
+@pytest.mark.parametrize("lies_deg", [0, 90, 180, 270])
+def test_a_page_that_is_set_in_type_says_which_way_it_lies(lies_deg: int, turn: int) -> None:
+    """Text turns against the clock, a page with it."""
+    expected = (lies_deg - turn) % 360
+    assert origin_of(set_in_type("A line of words. " * 6, lies_deg=lies_deg, turn=turn)) == PrintedPage(
+        expected
+    )
+
+
+@pytest.mark.parametrize(("characters", "mode", "printed"), [(60, 0, False), (400, 0, True), (400, 3, False)])
+def test_an_image_of_a_page_is_no_print_unless_text_is_shown_over_it(
+    characters: int, mode: int, printed: bool
+) -> None:
+    upload = set_in_type("words and " * (characters // 10), image=True, mode=mode)
+    assert origin_of(upload) == (PrintedPage(0) if printed else "page")
+
+
+def test_a_page_without_text_and_a_picture_are_not_print() -> None:
+    assert origin_of(pdf(A4)) == "page"
+    assert origin_of(make_file(np.zeros((8, 8), np.uint8), "PNG")) == "photo"
 
 
 def test_pdfs_and_images_together() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from services.contract.answers.mosaic import Pair
+from services.contract.rectify import Origin
 from services.mosaic.results import MosaicResult, Patch
 from services.notices import Notice
 from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
@@ -37,7 +38,7 @@ class RectifyPipeline:
         self.surface: PlaneSurface | StripsSurface | MeshSurface = PlaneSurface((0.0, 0.6, 0.8))
 
     def __call__(
-        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, is_document: bool = False
+        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, origin: Origin = "photo"
     ) -> RectifyResult:
         self.calls.append((photo.shape, parameters, exif_focal_length_px, ocr))
         return RectifyResult(
@@ -53,7 +54,7 @@ class RectifyPipeline:
         )
 
     def rectify_spread(
-        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, is_document: bool = False
+        self, photo: Any, parameters: Any, exif_focal_length_px: Any, ocr: Any, origin: Origin = "photo"
     ) -> RectifiedPages:
         """Stands for `rectify_spread`: as many pages as `pages`, the second one half as high."""
         result = self(photo, parameters, exif_focal_length_px, ocr)

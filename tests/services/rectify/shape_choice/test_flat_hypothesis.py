@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter
 
 from services.arrays import Points, RgbImage
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import Origin, PrintedPage, RectifyParameters
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.rectify.pipeline import rectify
@@ -30,8 +30,8 @@ pytestmark = pytest.mark.pipeline
 AS_IT_LIES = RectifyParameters(upright=False)
 
 
-def answer(photo: RgbImage, *, is_document: bool = False) -> RectifyResult:
-    return rectify(photo, AS_IT_LIES, is_document=is_document)
+def answer(photo: RgbImage, *, origin: Origin = "photo") -> RectifyResult:
+    return rectify(photo, AS_IT_LIES, origin=origin)
 
 
 def letter(width: int = 840, height: int = 1188) -> RgbImage:
@@ -134,7 +134,7 @@ def test_a_sheet_whose_sides_are_all_seen_is_in_view(
 ) -> None:
     view, square = PhotoFrame(800, 1000), np.array([[0.0, 0.05], [1.0, 0.0], [0.95, 1.0], [0.0, 1.0]])
     corners = [800, 1000] * (inset + (1 - 2 * inset) * square)
-    assert sheet_in_view(outline_at(corners, confidence, seen), view, is_document=False) is is_seen
+    assert sheet_in_view(outline_at(corners, confidence, seen), view, origin="photo") is is_seen
 
 
 def test_a_bent_sheet_on_a_desk_is_not_its_photo() -> None:
@@ -171,7 +171,7 @@ def test_slanted_labels_do_not_turn_a_page() -> None:
     for k in range(6):
         write(chart, f"{100 * k}", (10, 400 - 70 * k))
         write(chart, "series of values", (1280, 100 + 50 * k))
-    result = answer(chart, is_document=True)
+    result = answer(chart, origin="page")
     assert (result.evidence.source, result.image.shape) == (("photo",), chart.shape)
     np.testing.assert_array_equal(result.image, chart)
 
@@ -223,13 +223,25 @@ def test_a_picture_on_a_page_of_a_pdf_is_not_its_sheet() -> None:
     page[120:820, 60:760] = 40
     page[200:220, 120:700] = 130
     write(page, "What follows is an image that is embedded in the page", (60, 60))
-    result = answer(page, is_document=True)
+    result = answer(page, origin="page")
     assert (result.evidence.source, result.image.shape) == (("photo",), page.shape)
+
+
+def test_a_page_that_is_set_in_type_is_flat_whatever_its_print_seems_to_show() -> None:
+    page = np.full((900, 700, 3), 255, np.uint8)
+    for k in range(20):
+        write(page, "lines that seem to converge upon a page", (40 + 6 * k, 60 + 40 * k), 22, 0.6 * k - 6.0)
+    assert answer(page, origin="page").evidence.source != ("photo",)
+    result = rectify(page, RectifyParameters(), origin=PrintedPage(90))
+    assert (result.evidence.source, result.orientation.rotation_deg, result.warnings) == (("photo",), 90, ())
+    # Small print is enlarged. The top left of the view is the bottom left of the page.
+    corners = result.mesh[[0, 0, -1, -1], [0, -1, 0, -1]]
+    np.testing.assert_allclose(corners, [[0, 899], [0, 0], [699, 899], [699, 0]], atol=0.5)
 
 
 def test_a_blank_page_is_one_only_in_a_pdf() -> None:
     blank = np.full((400, 300, 3), 255, np.uint8)
-    assert answer(blank, is_document=True).evidence.source == ("photo",)
+    assert answer(blank, origin="page").evidence.source == ("photo",)
     with pytest.raises(NoText):
         answer(blank)
 
