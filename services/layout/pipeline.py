@@ -14,9 +14,10 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
 from services.layout.grouping.joining import find_groups
-from services.layout.grouping.line_parts import take_out_parts, with_near_zones, with_single_zones
+from services.layout.grouping.line_parts import take_out_parts
 from services.layout.grouping.merged_zones import with_merged_doubts
 from services.layout.grouping.regrouping import regroup_page
+from services.layout.grouping.zones_of_label import with_zones_of_labels, without_equal_values
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.model.layout_model import LayoutModel, PieceStatistics
@@ -175,8 +176,7 @@ def complete_recognition(
         seen = regroup(fine, seen, models, parameters, features)
     if seen.chosen is not None:
         best = _chosen(seen, models)
-        seen = with_single_zones(with_merged_doubts(seen, _pieces_of(best)), best.model)
-        seen = with_near_zones(seen, best.model)
+        seen = with_zones_of_labels(with_merged_doubts(seen, _pieces_of(best)), best.model)
     return with_believable_labels(seen, models)
 
 
@@ -271,6 +271,7 @@ def _join_pieces(
 ) -> Recognition:
     """The recognition with pieces of one zone put together; the same where none are."""
     groups = find_groups(seen.zones, seen.page, _pieces_of(model))
+    groups = without_equal_values(groups, seen.zones, model.model)
     if len(groups) == len(seen.page.zones):
         return seen
     page, ordered = join_page(fine, seen.page, lines, groups)
