@@ -40,8 +40,7 @@ from services.layout.segmentation import (
 )
 from services.layout.tables.learning import gathered_samples, learn_table, table_page
 from services.ocr.engine import OcrEngine, Word
-from services.ocr.lost_lines import with_lost_lines
-from services.ocr.lost_numbers import with_lost_numbers
+from services.ocr.lost_print import with_lost_print
 from services.ocr.softer_reading import read_best
 
 __all__ = [
@@ -90,7 +89,7 @@ def segment_read_page(
     gray, ends_s = luminance(image), time.process_time() + limit_s
     even = readable(gray)
     words, cut = read_best(even, engine, limit_s)
-    words = with_lost_numbers(even, with_lost_lines(even, words, engine, ends_s), engine, ends_s)
+    words = with_lost_print(even, words, engine, ends_s)
     return segment_page(gray, words), words, cut
 
 
@@ -283,7 +282,7 @@ def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
     if engine is None:
         return None
     even = readable(gray)
-    return with_lost_numbers(even, read_best(even, engine, float("inf"))[0], engine)
+    return with_lost_print(even, read_best(even, engine, float("inf"))[0], engine)
 
 
 def readable(gray: GrayImage) -> GrayImage:
