@@ -76,7 +76,7 @@ def with_lines_between(seen: Recognition, model: LayoutModel) -> Recognition:
     street or a place, seldom a number of another kind, and those are less probable by far.
     """
     zones = list(seen.zones)
-    for label in labels_of_parts(model) - single_parts(model):
+    for label in sorted(labels_of_parts(model) - single_parts(model)):
         boxes = [each.zone.box for each in zones if each.label == label]
         for place, each in enumerate(zones):
             odds = _log_odds(each, label)
