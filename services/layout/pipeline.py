@@ -14,9 +14,10 @@ from services.layout.content.content_features import ContentFeatures, content_fe
 from services.layout.content.zone_texts import fill_texts
 from services.layout.grouping.joined_page import join_page, join_recognition
 from services.layout.grouping.joining import find_groups
-from services.layout.grouping.line_parts import take_out_parts, with_near_zones, with_single_zones
+from services.layout.grouping.line_parts import take_out_parts
 from services.layout.grouping.merged_zones import with_merged_doubts
 from services.layout.grouping.regrouping import regroup_page
+from services.layout.grouping.zones_of_label import with_zones_of_labels, without_equal_values
 from services.layout.learning.initialization import initialize_model
 from services.layout.learning.label_transfer import transfer_labels
 from services.layout.model.layout_model import LayoutModel, PieceStatistics
@@ -39,8 +40,7 @@ from services.layout.segmentation import (
 )
 from services.layout.tables.learning import gathered_samples, learn_table, table_page
 from services.ocr.engine import OcrEngine, Word
-from services.ocr.lost_lines import with_lost_lines
-from services.ocr.lost_numbers import with_lost_numbers
+from services.ocr.lost_print import with_lost_print
 from services.ocr.softer_reading import read_best
 
 __all__ = [
@@ -89,7 +89,7 @@ def segment_read_page(
     gray, ends_s = luminance(image), time.process_time() + limit_s
     even = readable(gray)
     words, cut = read_best(even, engine, limit_s)
-    words = with_lost_numbers(even, with_lost_lines(even, words, engine, ends_s), engine, ends_s)
+    words = with_lost_print(even, words, engine, ends_s)
     return segment_page(gray, words), words, cut
 
 
@@ -175,8 +175,7 @@ def complete_recognition(
         seen = regroup(fine, seen, models, parameters, features)
     if seen.chosen is not None:
         best = _chosen(seen, models)
-        seen = with_single_zones(with_merged_doubts(seen, _pieces_of(best)), best.model)
-        seen = with_near_zones(seen, best.model)
+        seen = with_zones_of_labels(with_merged_doubts(seen, _pieces_of(best)), best.model)
     return with_believable_labels(seen, models)
 
 
@@ -271,6 +270,7 @@ def _join_pieces(
 ) -> Recognition:
     """The recognition with pieces of one zone put together; the same where none are."""
     groups = find_groups(seen.zones, seen.page, _pieces_of(model))
+    groups = without_equal_values(groups, seen.zones, model.model)
     if len(groups) == len(seen.page.zones):
         return seen
     page, ordered = join_page(fine, seen.page, lines, groups)
@@ -282,7 +282,7 @@ def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
     if engine is None:
         return None
     even = readable(gray)
-    return with_lost_numbers(even, read_best(even, engine, float("inf"))[0], engine)
+    return with_lost_print(even, read_best(even, engine, float("inf"))[0], engine)
 
 
 def readable(gray: GrayImage) -> GrayImage:

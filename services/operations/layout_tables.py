@@ -60,15 +60,29 @@ def recognize_view(
 ) -> tuple[Sequence[SegmentedPage], R]:
     """Pages as their class knows them, and what `recognize` makes of them.
 
-    What looked like a table is none to a class without one: its pages are matched as they are. Zones are regrouped
-    later, once.
+    What looked like a table is none to a class without one: its pages are matched as they are. Where both kinds of
+    classes compete, each kind is asked of its own view, and the more probable class is taken: a page without its table
+    is little like the samples of a class that has none. Zones are regrouped later, once.
     """
     seen = recognize(gathered)
-    nearest = seen.classes[0].name if seen.classes else None
-    has_table = any(model.model.name == nearest and model.model.table is not None for model in versions)
-    if has_table or all(a is b for (a, _), (b, _) in zip(gathered, plain, strict=True)):
+    if all(a is b for (a, _), (b, _) in zip(gathered, plain, strict=True)):
         return gathered, seen
-    return plain, recognize(plain)
+    with_table = {model.model.name for model in versions if model.model.table is not None}
+    is_rival = len(with_table) < len({model.model.name for model in versions})
+    nearest = _nearest(seen)
+    if nearest is not None and nearest.name in with_table and not is_rival:
+        return gathered, seen
+    as_it_is = recognize(plain)
+    other = _nearest(as_it_is)
+    if nearest is None or nearest.name not in with_table:
+        return plain, as_it_is
+    if other is not None and other.name not in with_table and other.probability > nearest.probability:
+        return plain, as_it_is
+    return gathered, seen
+
+
+def _nearest(seen: _Compared) -> ClassMatch | None:
+    return seen.classes[0] if seen.classes else None
 
 
 def with_tables(

@@ -8,7 +8,7 @@ from services.imaging.channels import luminance
 from services.layout.pipeline import readable
 from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word, mean_confidence
-from services.ocr.lost_numbers import with_lost_numbers
+from services.ocr.lost_print import with_lost_print
 from services.ocr.softer_reading import improved, read_best, read_within
 from services.operations.page_reading import LIMIT_S, READING_CUT, read_in_time
 from services.rectify.results import Orientation
@@ -41,7 +41,7 @@ def read_as_it_lies(image: RgbImage, engine: OcrEngine | None) -> UprightReading
     with read_in_time():
         even, ends_s = readable(luminance(image)), time.process_time() + LIMIT_S
         words, cut = read_best(even, engine, LIMIT_S)
-        words = with_lost_numbers(even, words, engine, ends_s)
+        words = with_lost_print(even, words, engine, ends_s)
     return UprightReading(image, words, notices=_left_unread(cut))
 
 
@@ -60,12 +60,12 @@ def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
         if found.rotation_deg or found.mirrored:
             even, ends_s = apply_orientation(even, found), time.process_time() + LIMIT_S
             words, cut = read_best(even, engine, LIMIT_S)
-            words = with_lost_numbers(even, words, engine, ends_s)
+            words = with_lost_print(even, words, engine, ends_s)
             image = apply_orientation(image, found)
             return UprightReading(image, words, found, (_turned(found), *_left_unread(cut)))
         if not cut:
             words = improved(even, engine, words, limit_s=LIMIT_S)
-        words = with_lost_numbers(even, words, engine, ends_s)
+        words = with_lost_print(even, words, engine, ends_s)
     return UprightReading(image, words, found, _left_unread(cut))
 
 

@@ -15,8 +15,10 @@ _NUMBER = re.compile(r"\(\w{0,2}\d{4,}.*|\d{4,}-[A-Z]\)?")
 _THOUSANDS = re.compile(r"\(?-?\W?\d{1,3}")
 _GROUPED = re.compile(r"\d{3}(?:[.,]\d{2}\)?)?")
 """What follows thousands that a space parts from it, as in 12 345,60."""
+_CURRENCY = re.compile(r"[$€£¥₹₽]")
+"""The sign of a currency that a space parts from its amount."""
 _OF_ONE_NUMBER = 0.45
-"""Largest space between thousands, in em."""
+"""Largest space between thousands, and between a currency and its amount, in em."""
 
 
 def places_of_cuts(words: Sequence[Word] | Sequence[ZoneWord], em: float) -> list[int]:
@@ -25,6 +27,9 @@ def places_of_cuts(words: Sequence[Word] | Sequence[ZoneWord], em: float) -> lis
     joined = set()
     for at in range(len(words) - 1, 0, -1):
         near = words[at].box[0] - words[at - 1].box[2] < _OF_ONE_NUMBER * em
+        if near and values[at] and _CURRENCY.fullmatch(words[at - 1].text):
+            joined.add(at)
+            values[at - 1] = True
         if near and (values[at] or at + 1 in joined) and _is_thousands(words[at - 1].text, words[at].text):
             joined.add(at)
             values[at - 1] = True

@@ -8,14 +8,12 @@ samples say so.
 
 from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass, replace
-from itertools import combinations, groupby, pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
 from services.layout.content.content_features import ContentFeatures
-from services.layout.graph.edge_attributes import RELATIONS, measure_pairs
 from services.layout.graph.layout_graph import build_graph
-from services.layout.graph.node_attributes import describe_zones
 from services.layout.grouping.line_cuts import places_of_cuts
 from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.matching.cost_tables import CostTables
@@ -24,7 +22,6 @@ from services.layout.model.cost import build_cost_tables
 from services.layout.model.layout_model import LayoutModel, ModelNode, PieceStatistics
 from services.layout.page import Page
 from services.layout.recognition.label_evidence import zone_shares
-from services.layout.recognition.results import Recognition, RecognizedZone
 from services.layout.segmentation import FinePage, Line, compose_with_lines
 from services.layout.segmentation.measures import rows_of_lines
 from services.ocr.engine import Word
@@ -48,10 +45,6 @@ ONE_LINE = 1.3
 """Mean number of lines of a label's zones from which on they are no single parts. Between 2.4 and 2.6 log odds an
 address in one box became one of its lines: 13 of 13 addresses of a shop right, after a page was confirmed 1."""
 
-
-_GAP = next(relation for relation in RELATIONS if relation.name == "gap-along")
-_NEVER = 1.6
-"""Cost of a gap between two zones of a label that eight pairs of the samples never have: log((8 + 2) / 2)."""
 
 LEAST_PAGES = 0.15
 """Parts with the label, per sample, from which on it is looked for. A caption of one title page in twelve that lay in a
@@ -94,61 +87,10 @@ def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures
     return _with_whole_lines(fine, cut, blocks)
 
 
-def with_single_zones(seen: Recognition, model: LayoutModel) -> Recognition:
-    """The recognition; of zones with a label that samples have once a page, the surest keeps it.
-
-    This is for labels of parts: a column of amounts holds several that look like the total.
-    """
-    of_parts = labels_of_parts(model)
-    single = {node.label for node in model.nodes if node.label in of_parts and _is_single(node)}
-    best: dict[str, RecognizedZone] = {}
-    for each in seen.zones:
-        if each.label in single:
-            assert each.label is not None
-            best[each.label] = max(best.get(each.label, each), each, key=_evidence)
-    zones = tuple(
-        _without_label(each) if each.label in best and best[each.label] is not each else each
-        for each in seen.zones
-    )
-    return replace(seen, zones=zones)
-
-
-def with_near_zones(seen: Recognition, model: LayoutModel) -> Recognition:
-    """The recognition; of zones with a label that are farther apart than on any sample, the surest together keep it.
-
-    This is for labels of parts: a receipt has the address of its shop, and perhaps one of a customer.
-    """
-    costs = {edge.upper: edge.costs for edge in model.edges if edge.upper == edge.lower}
-    left: dict[int, RecognizedZone] = {}
-    for label in labels_of_parts(model):
-        gaps = costs.get(label, {}).get(_GAP.name)
-        places = [place for place, each in enumerate(seen.zones) if each.label == label]
-        if gaps is None or len(places) < 2:
-            continue
-        together = _near(seen.page, places, np.array(gaps) < _NEVER)
-        best = max(together, key=lambda group: sum(seen.zones[place].confidence for place in group))
-        left |= {place: _without_label(seen.zones[place]) for place in places if place not in best}
-    if not left:
-        return seen
-    return replace(seen, zones=tuple(left.get(place, each) for place, each in enumerate(seen.zones)))
-
-
-def _near(page: Page, places: Sequence[int], may_be: np.ndarray) -> list[set[int]]:
-    """The zones at `places` in groups, each zone of which has another one at a gap that `may_be` (classes of gaps)."""
-    upper, lower = np.array(list(combinations(places, 2))).T
-    measures = describe_zones(page)
-    gaps = _GAP.measure(measure_pairs(measures, np.stack([upper, lower], axis=1)))
-    groups = [{place} for place in places]
-    for a, b in zip(upper[may_be[gaps]].tolist(), lower[may_be[gaps]].tolist(), strict=True):
-        joined = [group for group in groups if a in group or b in group]
-        groups = [group for group in groups if group not in joined] + [set().union(*joined)]
-    return groups
-
-
-def _without_label(each: RecognizedZone) -> RecognizedZone:
-    assert each.label is not None, "only zones with a label lose it"
-    others = {each.label: each.confidence}
-    return replace(each, label=None, group=None, confidence=1.0 - each.confidence, others=others)
+def single_parts(model: LayoutModel) -> frozenset[str]:
+    """The labels of parts that samples have once a page."""
+    within = labels_of_parts(model)
+    return frozenset(node.label for node in model.nodes if node.label in within and _is_single(node))
 
 
 def _is_single(node: ModelNode) -> bool:
@@ -165,10 +107,6 @@ def _has_lines(node: ModelNode) -> bool:
     """Whether zones of the label mostly have more than one line."""
     lines = node.numeric.get("lines")  # log2(1 + lines)
     return lines is not None and 2.0**lines.value - 1.0 > ONE_LINE
-
-
-def _evidence(zone: RecognizedZone) -> float:
-    return zone.confidence if zone.evidence is None else zone.evidence
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,11 +216,12 @@ def _labels_of_parts(
         [bool(zone.text.strip()) and bool(own) for zone, own in zip(page.zones, lines, strict=True)]
     )
     labels: list[str | None] = [None] * len(fine.lines)
+    single = single_parts(model)
     for place, label in enumerate(compiled.labels):
         if label not in within or not is_text.any():
             continue
         excess = costs[:, place] - np.delete(costs, place, axis=1).min(axis=1)
-        if _is_single(model.nodes[place]):
+        if label in single:
             chosen = _of_one_value(page, is_text, shares[:, place])
         else:
             chosen = np.flatnonzero(is_text & (found == place) & (excess < 0))
@@ -311,9 +250,17 @@ def _of_one_value(page: Page, is_text: np.ndarray, shares: np.ndarray) -> np.nda
     """
     by_text: dict[str, list[int]] = {}
     for place in np.flatnonzero(is_text).tolist():
-        text = "".join(filter(str.isalnum, page.zones[place].text.casefold()))
-        by_text.setdefault(text, []).append(place)
+        by_text.setdefault(_plain(page.zones[place].text), []).append(place)
     return np.array(max(by_text.values(), key=lambda places: shares[places].sum()), np.intp)
+
+
+def same_value(texts: Iterable[str]) -> bool:
+    """Whether texts have the same letters and digits."""
+    return len(set(map(_plain, texts))) == 1
+
+
+def _plain(text: str) -> str:
+    return "".join(filter(str.isalnum, text.casefold()))
 
 
 def _without_taken(

@@ -70,4 +70,15 @@ def find_entries(lines: Sequence[Line], texts: Sequence[str]) -> tuple[list[tupl
         if x0[value[label]] - np.max(x1[others]) < entry_gap * em[label]:
             pairs.append((int(label), int(value[label])))
             entries.update(np.flatnonzero(whole).tolist())
-    return pairs, entries
+    return _apart(sorted(pairs, key=lambda pair: x0[pair[0]])), entries
+
+
+def _apart(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The pairs, from left to right, without those whose label is the value of one before: a row of a table."""
+    kept: list[tuple[int, int]] = []
+    values: set[int] = set()
+    for label, value in pairs:
+        if label not in values:
+            kept.append((label, value))
+            values.add(value)
+    return kept

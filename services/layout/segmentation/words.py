@@ -1,5 +1,6 @@
 """Assignment of OCR words to the lines of a page."""
 
+import unicodedata
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,8 +14,8 @@ _SIGNS = frozenset("&+@/=:×*–—-")
 
 
 def is_word(word: Word) -> bool:
-    """Whether it has a letter or a digit."""
-    return any(map(str.isalnum, word.text))
+    """Whether it has a letter, a digit, or the sign of a currency."""
+    return any(each.isalnum() or unicodedata.category(each) == "Sc" for each in word.text)
 
 
 def is_sign(word: Word) -> bool:

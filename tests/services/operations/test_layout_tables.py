@@ -153,10 +153,19 @@ def test_cells_that_a_person_labels_teach_the_table_and_stay_in_the_sample(docum
     assert [wrong.zone for wrong in adaptation.wrong] == []
 
 
-@pytest.mark.parametrize(("nearest", "views"), [("invoice", ["gathered"]), ("letter", ["gathered", "plain"])])
-def test_pages_of_a_class_without_a_table_are_matched_as_they_are(
-    document: dict[str, Any], nearest: str, views: list[str]
+@pytest.mark.parametrize(
+    ("gathered_as", "plain_as", "taken"),
+    [
+        (("letter", 0.9), ("letter", 0.8), "plain"),
+        (("invoice", 0.9), ("letter", 0.5), "gathered"),
+        (("invoice", 0.9), ("invoice", 0.95), "gathered"),
+        (("invoice", 0.75), ("letter", 0.95), "plain"),
+    ],
+)
+def test_a_class_without_a_table_is_asked_of_pages_as_they_are(
+    document: dict[str, Any], gathered_as: tuple[str, float], plain_as: tuple[str, float], taken: str
 ) -> None:
+    """Two labelled invoices without `items` lost their next page to another firm's class that had `items`."""
     model = model_from_document(document)
     models = [VersionedModel(model, 1), VersionedModel(replace(model, name="letter", table=None), 1)]
     gathered, plain = ([(Page(1.0, 1.0, ()), None)] for _ in range(2))
@@ -164,12 +173,20 @@ def test_pages_of_a_class_without_a_table_are_matched_as_they_are(
 
     def recognize(pages: Sequence[SegmentedPage]) -> Recognition:
         seen.append("gathered" if pages is gathered else "plain")
-        return Recognition(pages[0][0], (), None, (ClassMatch(nearest, 1, 0.0, 1.0),))
+        name, probability = gathered_as if pages is gathered else plain_as
+        return Recognition(pages[0][0], (), None, (ClassMatch(name, 1, 0.0, probability),))
 
-    view, _ = recognize_view(gathered, plain, models, recognize)
-    assert (seen, view is gathered) == (views, nearest == "invoice")
+    view, found = recognize_view(gathered, plain, models, recognize)
+    assert view is (gathered if taken == "gathered" else plain)
+    assert found.classes[0].name == (gathered_as if taken == "gathered" else plain_as)[0]
+    assert seen == ["gathered", "plain"]
     assert recognize_view(plain, plain, models, recognize)[0] is plain
-    assert len(seen) == len(views) + 1
+    assert recognize_view(gathered, plain, models[:1], recognize)[0] is (
+        gathered if gathered_as[0] == "invoice" else plain
+    )
+    assert len(seen) == (4 if gathered_as[0] == "invoice" else 5), (
+        "a class alone with its table is asked once"
+    )
 
 
 def test_training_keeps_the_table(document: dict[str, Any]) -> None:

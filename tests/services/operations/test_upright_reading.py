@@ -11,6 +11,8 @@ from services.ocr.engine import Word
 from services.operations.page_reading import LIMIT_S, READING_CUT
 from services.operations.upright_reading import UprightReading, read_as_it_lies, read_upright
 from services.rectify.results import Orientation
+from tests.services.ocr.pages import blank, set_lines
+from tests.services.ocr.test_lost_lines import LineEngine
 from tests.services.rectify.view.test_orientation import FlagReader, laid, page_of_flags
 
 pytestmark = pytest.mark.pipeline
@@ -84,6 +86,27 @@ def test_a_page_that_is_not_read_to_its_end_says_so(read: Callable[..., UprightR
     found = read(lying(0), engine)
     assert [word.text for word in found.words or ()] == ["words"]
     assert (found.notices, len(engine.pages)) == ((READING_CUT,), 1)
+
+
+class LossyReader(LineEngine):
+    """Its page layout finds the first and the last of three lines."""
+
+    def __init__(self, boxes: list[tuple[int, int, int, int]]) -> None:
+        super().__init__()
+        self.boxes = boxes
+
+    def read_page(self, image: GrayImage) -> list[Word]:
+        return [Word("a line that reads well", tuple(map(float, self.boxes[k])), 0.9) for k in (0, 2)]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("read", [read_upright, read_as_it_lies])
+def test_lines_that_the_page_layout_lost_are_read(read: Callable[..., UprightReading]) -> None:
+    """As /rectify reads a page: rows of an invoice on a tint had zones without a text."""
+    canvas = blank(1000, 360)
+    boxes = set_lines(canvas, (60, 60), 3, 36, words=6)
+    image = np.repeat(np.asarray(canvas, dtype=np.uint8)[..., None], 3, axis=2)
+    found = read(image, LossyReader(boxes))
+    assert [word.text for word in found.words or ()].count("read again") == 1
 
 
 def test_without_an_engine_nothing_is_known() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 
 from services.arrays import GrayImage
 from services.layout.segmentation import segment_page
-from services.layout.segmentation.words import assign_words, line_confidences, words_of_lines
+from services.layout.segmentation.words import assign_words, is_word, line_confidences, words_of_lines
 from services.ocr.engine import Word
 
 LINES = np.array([[0.0, 0.0, 300.0, 20.0], [0.0, 30.0, 300.0, 50.0], [400.0, 0.0, 700.0, 20.0]])
@@ -86,6 +86,36 @@ def test_values_at_a_tab_stop_belong_to_labels_with_colons() -> None:
     assert rows_of(texts) == [f"{label} {value}" for label, value in TAB]
     bare = [(x, y, text.rstrip(":")) for x, y, text in texts]
     assert not set(rows_of(bare)).intersection(f"{label.rstrip(':')} {value}" for label, value in TAB)
+
+
+def test_cells_of_rows_are_no_entries_of_entries() -> None:
+    """Each cell but the last was a label, and each but the first a value: the third and fourth were lost."""
+    columns = (
+        (100, ("12", "24", "18")),
+        (225, ("39,00", "69,99", "18,00")),
+        (410, ("21%", "21%", "21%")),
+        (560, ("39,00", "99,98", "18,00")),
+    )
+    cells = [(x, 100 + 60 * k, text) for x, texts in columns for k, text in enumerate(texts)]
+    prose = [(100, 300 + 32 * k, "Goods stay ours until they have been paid for in full.") for k in range(12)]
+    held = [word for row in rows_of([*cells, *prose]) for word in row.split()]
+    assert sorted(word for word in held if word[0].isdigit()) == sorted(text for _, _, text in cells)
+
+
+def test_the_sign_of_a_currency_is_a_word() -> None:
+    """It stands before an amount, where it is a word at the end of a line and not between two others."""
+    texts = [(100, 150, "Total"), (260, 150, "399,00"), (100, 200, "All of it is due in May")]
+    image, listed = written(*texts), read(texts)
+    sign = Word("\N{EURO SIGN}", (235.0, 128.0, 252.0, 152.0), 0.95)
+    cv2.putText(image, "E", (235, 150), cv2.FONT_HERSHEY_SIMPLEX, 0.9, 0, 2, cv2.LINE_AA)
+    rows = [zone.text for zone in segment_page(image, [*listed, sign]).zones]
+    assert "\N{EURO SIGN} 399,00" in " ".join(rows)
+    assert [is_word(Word(text, sign.box, 0.9)) for text in ("\N{EURO SIGN}", "$", "*", "-")] == [
+        True,
+        True,
+        False,
+        False,
+    ]
 
 
 def test_a_value_of_many_lines_belongs_to_a_label_with_a_colon() -> None:
