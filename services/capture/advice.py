@@ -14,7 +14,9 @@ _BLUR_HEIGHTS = 0.16
 _LINE_TILT_RAD = math.radians(2.0)
 """Of development photos with more crooked lines half have more than 10 % of errors, of the others 2 %; of simulated
 flat pages 1 % seem so crooked."""
-_LEAST_CONTRAST = 0.3
+_DARK_PAPER = 90.0
+"""Gray level of paper that has too little light: photos with light enough have 110 and more, a copy at a fifth of its
+brightness 43."""
 _CUT_OFF = 0.01
 _LIGHT = 0.02
 
@@ -62,9 +64,12 @@ def advise(quality: CaptureQuality) -> tuple[Advice, ...]:
                 detail="Lines of text are crooked: smooth the sheet out, or hold it flat at its corners.",
             )
         )
-    if quality.contrast < _LEAST_CONTRAST:
+    if quality.paper_level < _DARK_PAPER:
         found.append(
-            Advice(code="more-light", detail="The print is faint against the paper: use more light.")
+            Advice(
+                code="more-light",
+                detail=f"The paper is dark ({round(quality.paper_level)} of 255): use more light.",
+            )
         )
     if quality.glare_fraction > _LIGHT:
         share = max(1, round(100 * quality.glare_fraction))

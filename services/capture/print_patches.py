@@ -50,6 +50,8 @@ class PatchFigures:
     contrasts: Vector
     worst_blur_px: float
     noise: float
+    paper_level: float
+    """Gray level of the paper next to the print, 0-255, the median."""
 
 
 def measure_patches(gray: GrayImage, at: Points, height_px: float) -> PatchFigures:
@@ -75,7 +77,7 @@ def measure_patches(gray: GrayImage, at: Points, height_px: float) -> PatchFigur
     blurs = np.full(count, np.nan)
     blurs[seen] = _blur_of(steepest[seen] / step[seen])
     if not seen.any():
-        return PatchFigures(blurs, contrasts, float("nan"), 0.0)
+        return PatchFigures(blurs, contrasts, float("nan"), 0.0, float(np.median(light)))
     bins = _directions(across[seen].ravel(), down[seen].ravel(), _DIRECTIONS)
     worst = _worst_blur((slope[seen] / step[seen, None]).ravel(), bins)
     rest = (raw[:, inner, inner] - smooth)[seen]
@@ -84,7 +86,9 @@ def measure_patches(gray: GrayImage, at: Points, height_px: float) -> PatchFigur
     # The blur takes this share of white noise out of a pixel; the rest is what remains in the difference.
     kept = np.sqrt(1 - 2 * _centre(_SMOOTHING_PX) + 1 / (4 * np.pi * _SMOOTHING_PX**2))
     noise = 1.4826 * float(np.median(paper)) / kept if paper.size else 0.0
-    return PatchFigures(blurs, contrasts, worst, noise / float(np.median(step[seen])))
+    return PatchFigures(
+        blurs, contrasts, worst, noise / float(np.median(step[seen])), float(np.median(light))
+    )
 
 
 def choose_windows(count: int, most: int = WINDOWS) -> NDArray[np.intp]:

@@ -54,7 +54,7 @@ class CaptureQuality:
     `blurred_side` names the part of the photo that is less sharp than the rest, if there is one. `letter_px` is the
     height of small letters by the rows of text, which blur does not change; `line_tilt_rad` is the mean angle of these
     rows to the flat page's; `detail_across` and `detail_least` are what is left of the strokes' detail
-    (`StrokeDetail`).
+    (`StrokeDetail`). `paper_level` is the gray level of the paper next to the print, 0-255.
     """
 
     text_height_min_px: float
@@ -71,6 +71,7 @@ class CaptureQuality:
     line_tilt_rad: float = 0.0
     detail_across: float = 1.0
     detail_least: float = 1.0
+    paper_level: float = 255.0
 
     def enlarged(self, factor: int) -> "CaptureQuality":
         """Figures of the photo that is `factor` times as large as the one that was measured, by area averages."""
@@ -135,6 +136,7 @@ def measure_quality(
         line_tilt_rad=rows.tilt_rad,
         detail_across=strokes.across,
         detail_least=strokes.least,
+        paper_level=print_.paper_level,
     )
 
 

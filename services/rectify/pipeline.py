@@ -178,7 +178,7 @@ def plan_views(photo: RgbImage, answered: JudgedView, parameters: RectifyParamet
     for crop in get_args(Crop):
         frame, paper = answered.frame, answered.paper
         if crop != parameters.crop:
-            frame, paper = frame_view(photo, page, crop, boxes)
+            frame, paper, _ = frame_view(photo, page, crop, boxes)
         if crop == "sheet":
             frame, stretch = fit_to_paper(frame, page, parameters.paper)
             if stretch is not None and page.corners is not None:

@@ -41,7 +41,7 @@ from services.sheet.plane.planarity import apparent_kind
 from services.sheet.plane.pose import PoseParameters, choose_pose, start_plane
 from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
-from services.sheet.ridged_page import RidgedPage, complete_corners, sides_bend, turn_outline
+from services.sheet.ridged_page import RidgedPage, sides_bend, turn_outline
 from services.sheet.shape import PageShape
 
 # Size of the fit, and when it is believed.
@@ -74,6 +74,9 @@ def sheet_between_sides(
     direction = line_direction(characters) if len(characters) else 0.0
     bent = sides_bend(outline) > STRAIGHT_SIDE if kind == "auto" else kind == "curved"
     if bent:
+        # An opened book that goes on beyond the photo has such an outline too: its text tells the pages apart.
+        if not np.isfinite(outline.corners).all():
+            return None
         mesh = _bent_sheet(outline, view, prior, direction)
         return None if mesh is None else ShapedPage(view, mesh, mesh.notices, outline)
     sheet = read_sides(outline, view, prior)
@@ -105,10 +108,7 @@ def _bent_sheet(
     outline: SheetOutline, view: PhotoFrame, prior: FocalPrior, direction_rad: float
 ) -> RidgedPage | None:
     """The mesh between the sides as it is, which the whole work only starts from."""
-    whole = complete_corners(outline)
-    if whole is None:
-        return None
-    corners, order = turn_outline(whole, direction_rad)
+    corners, order = turn_outline(outline.corners, direction_rad)
     corners = view.to_centred(corners)
     sides = tuple(view.to_centred(outline.sides[k].points) for k in order)
     mesh = cylinder_between_sides(corners, sides, prior.log_focal, prior.deviation, CELLS)

@@ -4,7 +4,7 @@ A view that is not flat is tried again with the next shape, once.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,8 +17,10 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.cut_letters import count_cut_letters
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.held_corners import end_at_corners, hold_corners
-from services.rectify.view.paper_end import find_paper_end, is_believed
+from services.rectify.view.paper_end import PaperEnd, find_paper_end, is_believed
+from services.rectify.view.print_beyond import NO_BOXES, light_print_beyond
 from services.rectify.view.print_kept import (
+    PRINT_CUT,
     grow_to_print,
     kept_print,
     print_notices,
@@ -59,6 +61,8 @@ class JudgedView:
     flatness: Flatness | None
     print_kept: float | None
     notices: tuple[Notice, ...]
+    beyond: Floats = field(default_factory=lambda: NO_BOXES)
+    """Boxes (N, 4, 2) of light print beyond the paper, photo pixels."""
 
     @property
     def error_percent(self) -> float | None:
@@ -82,8 +86,9 @@ def best_view(
         return view
     other = next(page.others, None) if view.page is page else None
     if other is not None:
-        again = judge_view(photo, other, parameters.crop)
-        if is_flatter(other, again.flatness, page, view.flatness):
+        again = judge_view(photo, other, parameters.crop, known=view.beyond)
+        loses_print = PRINT_CUT in again.notices and PRINT_CUT not in view.notices
+        if not loses_print and is_flatter(other, again.flatness, page, view.flatness):
             view = again
     if view.flatness is None or view.flatness.passes:
         return view
@@ -124,14 +129,17 @@ def judge_view(
     crop: Crop,
     effort: Effort = WHOLE,
     framed: Framed | None = None,
+    known: Floats = NO_BOXES,
 ) -> JudgedView:
     """Frame the view of `page` in `photo` (H, W, 3) so that it keeps its print, and measure it.
 
     By a brief `effort` it is cut at the outline alone, and how flat it is is not measured. `framed` receives the frame,
-    and the paper, as soon as they are known.
+    and the paper, as soon as they are known. `known` is light print beyond the paper that another shape has shown: the
+    map of a bent sheet may end before it.
     """
     boxes = sheet_print(page)
-    frame, white = frame_view(photo, page, crop, boxes, effort)
+    frame, white, beyond = frame_view(photo, page, crop, boxes, effort, known)
+    boxes = np.concatenate([boxes, beyond])
     if framed is not None:
         framed(page, frame, white)
     kept = kept_print(frame, boxes, white)
@@ -144,25 +152,40 @@ def judge_view(
         None if effort.is_brief else measure_flatness(page, frame),
         share_kept(boxes, kept),
         print_notices(kept, cut_letters),
+        beyond,
     )
 
 
 def frame_view(
-    photo: RgbImage, page: ShapedPage, crop: Crop, boxes: Floats, effort: Effort = WHOLE
-) -> tuple[Frame, Points | None]:
-    """Frame and paper of the view of `page`, as of `JudgedView`; `boxes` are its `sheet_print`."""
+    photo: RgbImage,
+    page: ShapedPage,
+    crop: Crop,
+    boxes: Floats,
+    effort: Effort = WHOLE,
+    known: Floats = NO_BOXES,
+) -> tuple[Frame, Points | None, Floats]:
+    """Frame, paper and light print beyond it of the view of `page`, as of `JudgedView`.
+
+    `boxes` are its `sheet_print`, `known` is light print that is known already.
+    """
     end = find_paper_end(page, crop, boxes)
+    beyond = known
+    if crop == "sheet" and not effort.is_brief and not len(known):
+        beyond = light_print_beyond(photo, page, end)
+    if len(beyond):
+        boxes = np.concatenate([boxes, beyond])
+        end = PaperEnd(around=end.around)
     frame = page.frame(end.reach, crop)
     pixels = photo.shape[0] * photo.shape[1]
     if page.corners is not None:
         frame = _between_corners(frame, page, page.corners, crop, pixels)
     else:
         if crop == "sheet":
-            frame = cut_view(photo, frame, page, end, effort)
+            frame = cut_view(photo, frame, page, end, effort, beyond.mean(axis=1))
         frame = grow_to_print(frame, boxes, page.text_height_px)
         if not effort.is_brief:
             frame = restore_detail(frame, pixels, page.characters, page.text_height_px)
-    return frame, end.white
+    return frame, end.white, beyond
 
 
 def _between_corners(frame: Frame, page: ShapedPage, corners: Points, crop: Crop, photo_pixels: int) -> Frame:

@@ -21,6 +21,7 @@ from services.rectify.view.flatness import NOT_FLAT_PERCENT
 from services.rectify.view.paper_end import PaperEnd
 from services.sheet.outline.results import SheetOutline
 
+NO_POINTS: Points = np.zeros((0, 2))
 SIDES = ("left", "top", "right", "bottom")
 MAX_SLOPE = 0.2
 """Of a side in the flat view: a steeper one is not that of this page, or print is aslant on its sheet."""
@@ -42,23 +43,31 @@ LEAST_INK_PX = 12
 """Within a text height of a row or column of the reduced view; fewer are specks."""
 
 
-def cut_view(photo: RgbImage, frame: Frame, page: ShapedPage, end: PaperEnd, effort: Effort = WHOLE) -> Frame:
+def cut_view(
+    photo: RgbImage,
+    frame: Frame,
+    page: ShapedPage,
+    end: PaperEnd,
+    effort: Effort = WHOLE,
+    more: Points = NO_POINTS,
+) -> Frame:
     """`frame` cut to the page: its outline's sides, the gutter, edges in the flat view, blank ground.
 
-    A brief `effort` looks at the outline alone.
+    A brief `effort` looks at the outline alone. `more` (N, 2) are places of print beside the characters of the page.
     """
     if page.analysis is not None and page.shape.ends_at_sides:
         return frame
     known: frozenset[str] = frozenset()
     if page.outline is not None:
         may_wave = page.shape.kind == "curved"
+        characters = np.concatenate([page.characters, more])
         frame, known = cut_to_outline(
-            frame, page.outline, page.characters, believed=end.believed, may_wave=may_wave
+            frame, page.outline, characters, believed=end.believed, may_wave=may_wave
         )
     if page.analysis is None or effort.is_brief:
         return frame
     frame = crop_to_gutter(frame, page.analysis)
-    return cut_to_page(photo, frame, page.analysis, known, whole=end.whole)
+    return cut_to_page(photo, frame, page.analysis, known, whole=end.whole, more=more)
 
 
 def cut_to_outline(
@@ -136,6 +145,7 @@ def cut_to_page(
     known: frozenset[str],
     *,
     whole: bool,
+    more: Points = NO_POINTS,
 ) -> Frame:
     """`frame` cut on the sides that are not `known` yet: at long edges next to the text, or where blank ground begins.
 
@@ -147,7 +157,8 @@ def cut_to_page(
     small = resize_frame(frame, factor)
     view = draw_flat_view(photo, small)
     shown = shown_pixels(small, photo.shape[1], photo.shape[0])
-    text, text_height_px = small.to_flat(analysis.characters), analysis.text_height_px * factor
+    text = small.to_flat(np.concatenate([analysis.characters, more]))
+    text_height_px = analysis.text_height_px * factor
     edges = find_sheet_edges(view, text, text_height_px, shown)
     edges = replace(edges, **{side: None for side in known})
     open_sides = [side for side in SIDES if side not in known and getattr(edges, side) is None]

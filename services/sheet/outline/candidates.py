@@ -10,9 +10,19 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, Vector
 from services.sheet.outline.colors import color_codes, color_log_odds
 from services.sheet.outline.corners import split_sides
+from services.sheet.outline.edges import outward_normals, resample_closed
 from services.sheet.outline.print_place import PrintPlace
 from services.sheet.outline.rays import RayParameters, Rays, cast_rays
 from services.sheet.outline.reduced_photo import ReducedPhoto
+
+PARTED = 0.3
+"""Weight, in ratings, of how well a curve parts the colours: one that leaves the sheet's edge along a band of the page,
+or along the grain of the desk, has the same ground on both sides there. Right curves part them by 0.05 to 0.2
+more; with 0.5 a frame on a page was taken for its end."""
+BY_COLORS = 0.3
+"""Of the radius of the best curve, by which one that is sought by its colours may be inside of it."""
+BESIDE_PX = 3
+"""Of the reduced photo: colours are looked at so far inside and outside of a curve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +50,15 @@ class CandidateParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A closed clockwise curve (N, 2) on the reduced photo, its rating, and the share `cut` off by the border."""
+    """A closed clockwise curve (N, 2) on the reduced photo, its rating, and the share `cut` off by the border.
+
+    Curves of one photo are compared by their `rank`: the rating, and how well the curve parts the colours.
+    """
 
     curve: Points
     rating: float
     cut: float
+    rank: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -55,6 +69,8 @@ class _Search:
     rate: Callable[[Points], float]
     parameters: CandidateParameters
     typical: float
+    codes: NDArray[np.int64]
+    parted: float
     paths: list[NDArray[np.intp]] = field(default_factory=list)
     found: list[Candidate] = field(default_factory=list)
 
@@ -69,11 +85,13 @@ class _Search:
     def _rated(self, path: NDArray[np.intp]) -> Candidate:
         """The candidate of a path (N,)."""
         curve = self.rays.at(path)
-        return Candidate(curve, self.rate(curve), float((path >= self.rays.last).mean()))
+        rating = self.rate(curve)
+        rank = rating + self.parted * parted_colors(self.codes, curve)
+        return Candidate(curve, rating, float((path >= self.rays.last).mean()), rank)
 
     def best(self, count: int, first: int = 0) -> list[NDArray[np.intp]]:
         """Paths of the `count` best candidates from number `first` on, or fewer if some are the same."""
-        order = sorted(range(first, len(self.found)), key=lambda k: -self.found[k].rating)
+        order = sorted(range(first, len(self.found)), key=lambda k: -self.found[k].rank)
         return list({self.paths[k].tobytes(): self.paths[k] for k in order[:count]}.values())
 
 
@@ -82,13 +100,17 @@ def find_candidates(
     place: PrintPlace,
     rate: Callable[[Points], float],
     p: CandidateParameters,
+    parted: float = PARTED,
 ) -> list[Candidate]:
-    """Closed curves that may be the sheet's boundary; `rate` rates a curve (N, 2) on the reduced photo."""
+    """Closed curves that may be the sheet's boundary; `rate` rates a curve (N, 2) on the reduced photo.
+
+    How well a curve parts the colours counts with the weight `parted`.
+    """
     rays = cast_rays(reduced, place.core, place.mask, p.rays)
     reach = rays.reach_of_mask(place.mask)
-    search = _Search(rays, rate, p, 1.3 * float(np.median(reach)))
     # By colour: what is like the ground of the print, then what is like the inside of the first curve.
     codes = color_codes(reduced.colors)
+    search = _Search(rays, rate, p, 1.3 * float(np.median(reach)), codes, parted)
     odds_image = color_log_odds(codes, place.mask, None)
     for _ in range(2):
         search.add((p.inside * reach, rays.sample(odds_image)))
@@ -110,16 +132,24 @@ def find_candidates(
 
 
 def improve_candidate(
-    reduced: ReducedPhoto, start: Candidate, rate: Callable[[Points], float], p: CandidateParameters
+    reduced: ReducedPhoto,
+    start: Candidate,
+    rate: Callable[[Points], float],
+    p: CandidateParameters,
+    parted: float = PARTED,
 ) -> list[Candidate]:
-    """Curves near and outside of `start`, searched on rays from its own middle."""
+    """Curves near and outside of `start`, searched on rays from its own middle; see `find_candidates`."""
     inside = _filled(start.curve, reduced.colors.shape[:2])
     if inside.sum() < 50:
         return []
     rays = cast_rays(reduced, inside, inside, p.rays)
     reach = rays.reach_of_mask(inside)
-    search = _Search(rays, rate, p, float(np.median(reach)))
-    search.add(((1 - p.concavity) * reach, 0.0), (reach - p.tolerance, p.outward))
+    codes = color_codes(reduced.colors)
+    search = _Search(rays, rate, p, float(np.median(reach)), codes, parted)
+    odds = rays.sample(color_log_odds(codes, inside, ~inside))
+    search.add(
+        ((1 - p.concavity) * reach, 0.0), (reach - p.tolerance, p.outward), ((1 - BY_COLORS) * reach, odds)
+    )
     path = search.best(1)[0]
     search.add((rays.reach_of_hull(rays.at(path)) - p.tolerance, 0.0))
     _extend_sides(search, path)
@@ -149,6 +179,25 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
         sought.append((least, outward))
     if sought:
         search.add(*sought)
+
+
+def parted_colors(codes: NDArray[np.int64], curve: Points) -> float:
+    """How well a `curve` (N, 2) parts the colours of a photo with `codes` (h, w) next to it, -1 to 1."""
+    inside = _filled(curve, codes.shape)
+    if inside.all() or not inside.any():
+        return 0.0
+    odds = color_log_odds(codes, inside, ~inside)
+    points = resample_closed(curve, 200)
+    normals = outward_normals(points, 3)
+    high = np.array(codes.shape[::-1]) - 1
+    by_side = []
+    for way in (-BESIDE_PX, BESIDE_PX):
+        at = np.clip(np.round(points + way * normals).astype(int), 0, high)
+        by_side.append(odds[at[:, 1], at[:, 0]])
+    shown = ((points > BESIDE_PX) & (points < high - BESIDE_PX)).all(axis=1)
+    if not shown.any():
+        return 0.0
+    return float(np.mean(np.where(shown, by_side[0] - by_side[1], 0.0))) / 2
 
 
 def _filled(curve: Points, shape: tuple[int, ...]) -> Mask:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -11,6 +12,7 @@ from services.geometry.homographies import from_resized
 from services.imaging.reduction import Halves
 from services.sheet.outline.beyond_photo import follow_to_border
 from services.sheet.outline.candidates import (
+    PARTED,
     Candidate,
     CandidateParameters,
     find_candidates,
@@ -53,6 +55,11 @@ SAME_SHARE = 0.9
 """... and where this share of it is, and nothing is four times as far off, a believed outline is the better one."""
 RATED_SHARE = 0.5
 """Of the photo, as which a smaller sheet is rated where nothing outside of it is looked for."""
+INNER_AREA = 0.99
+"""Share of the area of an outline, of one that lies inside of it and leaves out a band of the page."""
+INNER_ODDS = 3.0
+"""Such an outline must have higher odds by this factor: the border of a heading on a ground of its own is an edge too,
+and the better one, if the ground is paler."""
 DENSER = 8
 """Points of a curve that others are compared with, for each of its own."""
 
@@ -94,6 +101,11 @@ class MeasuredOutline:
         """That of the outline, 0-1, as outlines of one photo are compared."""
         return self.outline.confidence
 
+    @property
+    def odds(self) -> float:
+        """That the outline is right, to that it is wrong."""
+        return self.confidence / max(1.0 - self.confidence, 1e-9)
+
 
 def find_outline(
     photo: RgbImage | Halves,
@@ -117,19 +129,21 @@ def find_outline(
     reduced = reduce_photo(halves)
     candidates: list[Candidate] = []
     on_sheet: Points = np.zeros((0, 2))
+    # Print shows that there is a sheet: without, furniture parts the colours as well.
+    parted = 0.0 if characters is None else PARTED
     for print_places in (characters, None):
         place = place_print(reduced, print_places)
         on_sheet = place.characters if len(place.characters) else on_sheet
         rate = partial(rate_curve, reduced, place.characters)
-        candidates += find_candidates(reduced, place, rate, p.candidates)
-        candidates.sort(key=lambda c: c.rating, reverse=True)
+        candidates += find_candidates(reduced, place, rate, p.candidates, parted)
+        candidates.sort(key=lambda c: c.rank, reverse=True)
         # Texture of a desk may have been found as print; then the middle of the photo is the better start.
         certain = candidates[0].rating >= p.well_rated or candidates[0].cut > p.candidates.most_cut
         if certain or characters is None:
             break
     if p.improved and candidates[0].cut <= p.most_cut:
-        candidates += improve_candidate(reduced, candidates[0], rate, p.candidates)
-    candidates.sort(key=lambda c: c.rating, reverse=True)
+        candidates += improve_candidate(reduced, candidates[0], rate, p.candidates, parted)
+    candidates.sort(key=lambda c: c.rank, reverse=True)
     # One curve is often found twice.
     distinct = [c for k, c in enumerate(candidates) if k == 0 or candidates[k - 1].rating != c.rating]
     sought = [c for c in distinct[: p.tried] if c.rating >= p.least_rating and c.cut <= p.most_cut]
@@ -148,7 +162,7 @@ def find_outline(
             measured = _rate_of_view(measured, reduced, on_sheet)
         if measured is not None and measured.confidence >= BELIEVED_CONFIDENCE:
             found.append(cKDTree(resample_closed(candidate.curve, DENSER * len(candidate.curve))))
-        if measured is not None and (best is None or measured.confidence > best.confidence):
+        if measured is not None and (best is None or is_surer(measured, best)):
             best = measured
         if best is not None and best.confidence >= CERTAIN_CONFIDENCE:
             break
@@ -173,6 +187,16 @@ def _rate_of_view(measured: MeasuredOutline, reduced: ReducedPhoto, on_sheet: Po
     )
     outline = replace(measured.outline, confidence=confidence)
     return replace(measured, outline=outline, candidate=candidate)
+
+
+def is_surer(measured: MeasuredOutline, best: MeasuredOutline) -> bool:
+    """Whether an outline is taken in place of the `best` one so far: one inside of that must be clearly surer."""
+    inner = best.confidence >= LEAST_CONFIDENCE and _area(measured) < INNER_AREA * _area(best)
+    return measured.odds > (INNER_ODDS if inner else 1.0) * best.odds
+
+
+def _area(measured: MeasuredOutline) -> float:
+    return float(cv2.contourArea(measured.outline.polygon.astype(np.float32)))
 
 
 def _is_same(candidate: Candidate, known: cKDTree) -> bool:

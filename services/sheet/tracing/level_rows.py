@@ -47,11 +47,16 @@ class LevelRows:
 
 def count_level_rows(ink: Mask) -> LevelRows:
     """Rows of components of `ink` (H, W) that stand on a straight line, or end at one, within 3 degrees of level."""
-    found = chain_characters(ink)
-    level = [members for members in found.rows if _is_level(found, members)]
+    found, level = find_level_rows(ink)
     steps = np.concatenate([np.zeros(0), *(np.diff(np.sort(found.left[members])) for members in level)])
     pitch = median(steps) if len(steps) else float("inf")
     return LevelRows(len(level), sum(map(len, level)), len(found.left), pitch)
+
+
+def find_level_rows(ink: Mask) -> tuple[CharacterRows, list[NDArray[np.intp]]]:
+    """Components of `ink` (H, W), and those of its rows that are straight and level: the numbers of their members."""
+    found = chain_characters(ink)
+    return found, [members for members in found.rows if _is_level(found, members)]
 
 
 def shows_print(ink: Mask) -> bool:

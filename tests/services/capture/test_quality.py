@@ -46,6 +46,18 @@ def test_blur_is_that_of_the_edges(sigma_px: float) -> None:
     assert noise == pytest.approx(sigma_px, rel=0.35)
 
 
+@pytest.mark.parametrize(
+    ("brightness", "ink", "codes"), [(0.18, 20, ["more-light"]), (1.0, 20, []), (1.0, 190, [])]
+)
+def test_more_light_is_advised_where_the_paper_is_dark(brightness: float, ink: int, codes: list[str]) -> None:
+    # Faint print on bright paper gains nothing by light.
+    image = np.full((600, 600), 230, np.uint8)
+    centres = characters_on(image, ink=ink)
+    quality = measured(np.asarray(brightness * image, np.uint8), centres)
+    assert quality.paper_level == pytest.approx(230 * brightness, abs=2)
+    assert [advice.code for advice in advise(quality) if advice.code == "more-light"] == codes
+
+
 @pytest.mark.parametrize("ink", [20, 120, 180])
 def test_contrast_is_that_of_ink_and_paper(ink: int) -> None:
     image = np.full((600, 600), 230, np.uint8)
@@ -161,7 +173,7 @@ def test_without_characters_there_are_no_figures() -> None:
         ({"blur_px": 6.0}, "hold-still"),
         ({"blurred_side": "left"}, "focus-evenly"),
         ({"line_tilt_rad": 0.05}, "flatten-sheet"),
-        ({"contrast": 0.15}, "more-light"),
+        ({"paper_level": 43.0}, "more-light"),
         ({"cut_off_fraction": 0.2}, "show-all-text"),
         ({"glare_fraction": 0.1}, "avoid-glare"),
         ({"shadow_fraction": 0.1}, "avoid-shadow"),

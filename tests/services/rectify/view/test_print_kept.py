@@ -17,6 +17,7 @@ from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view import judged_view
 from services.rectify.view.cut_letters import count_cut_letters
 from services.rectify.view.judged_view import best_view, judge_view
+from services.rectify.view.print_beyond import NO_BOXES
 from services.rectify.view.print_kept import (
     grow_to_print,
     kept_print,
@@ -196,7 +197,7 @@ def test_a_view_that_ends_within_its_sheet_gives_way_to_the_next_shape(
     whole = judged_view.frame_view(shot.photo.image, other, "sheet", sheet_print(other))[0]
     half = crop_frame(whole, SheetEdges(bottom=0.7 * whole.height))
     monkeypatch.setattr(
-        judged_view, "frame_view", lambda photo, page, *_: (half if page is first else whole, None)
+        judged_view, "frame_view", lambda photo, page, *_: (half if page is first else whole, None, NO_BOXES)
     )
     asked = RectifyParameters()
     seen = best_view(shot.photo.image, first, asked)

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from services.arrays import Points, RgbImage
-from services.sheet.outline.candidates import CandidateParameters
+from services.sheet.outline.candidates import Candidate, CandidateParameters, parted_colors
+from services.sheet.outline.colors import color_codes
 from services.sheet.outline.detection import (
+    MeasuredOutline,
     OutlineParameters,
     find_outline,
+    is_surer,
 )
 from services.sheet.outline.edges import EdgePoints, leave_out_strays
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
@@ -242,3 +245,53 @@ def test_a_search_for_whole_sheets_ends_where_the_photo_cuts_the_sheet() -> None
     left = find_outline(cut)
     assert left is not None, "all sides that are in view are found otherwise"
     assert sorted(side.seen > 0.3 for side in left.sides) == [False, True, True, True]
+
+
+@pytest.mark.parametrize("width", [45, 70])
+def test_a_lit_stripe_of_a_desk_is_no_part_of_the_sheet(width: int) -> None:
+    # Beside the lower part of the right side: its own edge is as clear as the sheet's, its colour is not.
+    sides = sides_of(CORNERS)
+    photo = draw_sheet(sides, SIZE, ground=(120, 80, 40))
+    begin, end = CORNERS[1] + 0.4 * (CORNERS[2] - CORNERS[1]), CORNERS[2]
+    aside = np.array([width, 0])
+    stripe = np.array([begin, begin + aside, end + aside, end])
+    lit = photo.copy()
+    cv2.fillConvexPoly(lit, stripe.astype(np.int32), (215, 190, 150))
+    sheet = np.zeros(photo.shape[:2], np.uint8)
+    cv2.fillPoly(sheet, [np.round(sides).astype(np.int32)], 1)
+    x, y = np.meshgrid(np.arange(150, 500, 12), np.arange(160, 660, 20))
+    text = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
+    outline = find_outline(np.where(sheet[..., None] > 0, photo, lit), text, 10.0)
+    side, corner = _errors(outline, sides, CORNERS)
+    assert side < 1.0
+    assert corner < 1.5
+
+
+def test_of_two_outlines_the_outer_one_is_taken_unless_the_inner_one_is_clearly_surer() -> None:
+    outline = find_outline(draw_sheet(sides_of(CORNERS), SIZE))
+    assert outline is not None
+
+    def measured(confidence: float, scale: float) -> MeasuredOutline:
+        scaled = replace(outline, confidence=confidence, polygon=scale * outline.polygon)
+        return MeasuredOutline(scaled, Candidate(scaled.polygon, 0.0, 0.0), ())
+
+    whole = measured(0.946, 1.0)
+    assert not is_surer(measured(0.976, 0.9), whole)
+    assert is_surer(measured(0.99, 0.9), whole)
+    assert is_surer(measured(0.95, 1.1), whole)
+    assert is_surer(measured(0.6, 0.9), measured(0.45, 1.0))
+
+
+def test_a_curve_that_leaves_the_sheets_edge_parts_its_colours_worse() -> None:
+    # The lower part of the sheet lies below a coloured band: a curve that ends at the band has paper on both sides.
+    colors = np.full((200, 160, 3), (30.0, 10.0, 10.0), np.float32)
+    colors[20:180, 20:140] = (90.0, 0.0, 0.0)
+    colors[120:130, 24:136] = (60.0, 20.0, 50.0)
+    codes = color_codes(colors)
+    sheet = np.array([[19.5, 19.5], [139.5, 19.5], [139.5, 179.5], [19.5, 179.5]])
+    to_band = np.minimum(sheet, [200.0, 129.5])
+    beside = sheet + np.array([[0, 0], [12, 0], [12, 0], [0, 0]])
+    whole = parted_colors(codes, sheet)
+    assert whole > 0.95
+    assert parted_colors(codes, to_band) < whole - 0.1
+    assert parted_colors(codes, beside) < whole - 0.1
