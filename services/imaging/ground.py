@@ -44,6 +44,14 @@ class GroundParameters:
     """Share of a side on which it may."""
     spike: float = 0.03
     """Slivers that are shorter along a side are print that touches the frame."""
+    drawn_level: int = 3
+    """Gray levels by which a bar that a program has drawn differs from its colour, ..."""
+    drawn_share: float = 0.7
+    """... on this share of it: wood, cloth and shadows differ by more."""
+    mark_level: int = 60
+    """Gray levels by which its clock, icons or letters differ at least, ..."""
+    mark_share: float = 0.002
+    """... on this share of it."""
     reached_share: float = 0.8
     """Share of a side of a flat view on which the ground must go on to where the photo ends."""
 
@@ -177,11 +185,21 @@ def _slivers(
         strip = int(limit) + 2
         seen, paper, near = (_from_side(image, side)[:strip] for image in (fine, even, joined))
         depth = _depths(near & ~_differs(seen, paper, p), p)
+        if _is_drawn(seen[: int(np.median(depth))], p):
+            depth = np.zeros_like(depth)
         if (depth > limit).mean() > p.deep_share:
             return None
         found.append(np.minimum(depth, limit) / factor)
     top, right, bottom, left = found
     return top, right, bottom, left
+
+
+def _is_drawn(bar: RgbImage, p: GroundParameters) -> bool:
+    """Whether a `bar` (h, w, 3) beside the ground is one of a program's: of one colour, with something light on it."""
+    if not bar.size:
+        return False
+    off = np.abs(bar.astype(np.int16) - np.median(bar, axis=(0, 1)).astype(np.int16)).max(axis=2)
+    return bool((off <= p.drawn_level).mean() > p.drawn_share and (off > p.mark_level).mean() > p.mark_share)
 
 
 def _from_side(image: NDArray[Any], side: str) -> NDArray[Any]:

@@ -56,6 +56,21 @@ def test_an_even_sliver_is_cut() -> None:
     assert (abs(left - 6) <= 1, top, right, abs(bottom - 395) <= 1) == (True, 0, 299, True)
 
 
+@pytest.mark.parametrize("height", [14, 40])
+def test_bars_of_a_program_are_part_of_its_picture(height: int) -> None:
+    """With a clock on it, however high it is; bare, or with the grain of a desk, it is none."""
+    screen = paper()
+    screen[:height] = (40, 20, 60)
+    screen[height // 2 - 3 : height // 2 + 3, 250:270:3] = 240
+    found = find_ground(screen)
+    assert found is not None
+    assert found.box == (0, 0, 299, 399)
+    grain = np.random.default_rng(0).normal(0, 12, (height, 300, 1))
+    screen[:height] = np.clip(screen[:height] + grain, 0, 255).astype(np.uint8)
+    found = find_ground(screen)
+    assert found is None or found.box[1] == pytest.approx(height, abs=1)
+
+
 def test_a_wedge_is_drawn_white_and_costs_little_paper() -> None:
     page = paper()
     cv2.fillPoly(page, [np.array([[0, 0], [14, 0], [0, 399]], np.int32)], (60, 45, 30))
