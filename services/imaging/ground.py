@@ -185,8 +185,8 @@ def _slivers(
         strip = int(limit) + 2
         seen, paper, near = (_from_side(image, side)[:strip] for image in (fine, even, joined))
         depth = _depths(near & ~_differs(seen, paper, p), p)
-        low, middle, high = np.percentile(depth, [10, 50, 90])
-        if high - low <= 1 and _is_drawn(seen[: int(middle)], p):
+        end = int(np.median(depth))
+        if (np.abs(depth - end) <= 2).mean() > p.drawn_share and _is_drawn(seen[:end], p):
             depth = np.zeros_like(depth)
         if (depth > limit).mean() > p.deep_share:
             return None
