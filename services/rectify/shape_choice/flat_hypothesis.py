@@ -72,7 +72,8 @@ def flat_page(
     `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length.
     """
     certain = isinstance(origin, PrintedPage)
-    if not certain and (analysis.facing_page or sheet_in_view(outline, view, origin=origin)):
+    in_view = sheet_in_view(outline, view, origin=origin) and not ends_at_band(photo, outline)
+    if not certain and (analysis.facing_page or in_view):
         return None
     evidence = without_slanted_print(analysis).evidence(view)
     plane = level_plane(evidence.major, prior)
@@ -154,6 +155,24 @@ def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, origin: Ori
     ways = np.roll(outline.corners, -1, axis=0) - outline.corners
     slopes = np.abs(ways).min(axis=1) / np.maximum(np.abs(ways).max(axis=1), 1e-9)
     return not bool((slopes < VISIBLE_TURN_RAD).all())
+
+
+def ends_at_band(photo: Halves, outline: SheetOutline | None) -> bool:
+    """Whether a side of the outline is that of a coloured band: it crosses the photo level, and print is beyond it."""
+    if outline is None:
+        return False
+    for k, side in enumerate(outline.sides):
+        if not side.seen or outline.sides[k - 1].seen or outline.sides[(k + 1) % 4].seen:
+            continue
+        # Top and bottom, sides 0 and 2, run along x.
+        along, across = side.points[:, k % 2], side.points[:, 1 - k % 2]
+        if np.ptp(across) > VISIBLE_TURN_RAD * np.ptp(along):
+            continue
+        image = photo.image if k % 2 == 0 else photo.image.swapaxes(0, 1)
+        beyond = image[: int(across.min())] if k in (0, 3) else image[int(across.max()) + 1 :]
+        if len(beyond) and photo_shows_print(Halves(np.ascontiguousarray(beyond))):
+            return True
+    return False
 
 
 def is_beaten(departure: Departure) -> bool:

@@ -12,9 +12,10 @@ from services.arrays import Points, RgbImage
 from services.contract.rectify import Origin, PrintedPage, RectifyParameters
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.reduction import Halves
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
-from services.rectify.shape_choice.flat_hypothesis import sheet_in_view, sure_departure
+from services.rectify.shape_choice.flat_hypothesis import ends_at_band, sheet_in_view, sure_departure
 from services.sheet.outline.results import SheetOutline, SheetSide
 from services.sheet.plane.departure import Departure, Measured
 from simulation.degradation import PHONE
@@ -135,6 +136,31 @@ def test_a_sheet_whose_sides_are_all_seen_is_in_view(
     view, square = PhotoFrame(800, 1000), np.array([[0.0, 0.05], [1.0, 0.0], [0.95, 1.0], [0.0, 1.0]])
     corners = [800, 1000] * (inset + (1 - 2 * inset) * square)
     assert sheet_in_view(outline_at(corners, confidence, seen), view, origin="photo") is is_seen
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("words", "askew", "expected"), [(True, 0.0, True), (False, 0.0, False), (True, 0.05, False)]
+)
+def test_a_level_edge_with_print_beyond_is_that_of_a_band(
+    turned: bool, words: bool, askew: float, expected: bool
+) -> None:
+    card = np.full((500, 800, 3), 235, np.uint8)
+    card[:110] = (120, 50, 30)
+    for k in range(3 * words):
+        row = np.full((30, 760, 3), 255, np.uint8)
+        write(row, "Light words on the head of a card"[k:], (10, 0), 24)
+        rows = slice(10 + 32 * k, 40 + 32 * k)
+        card[rows, 20:780] = np.maximum(card[rows, 20:780], 255 - row)
+    level = np.column_stack([np.linspace(0, 799, 40), 110 + askew * np.linspace(0, 799, 40)])
+    if turned:  # clockwise: the head is at the right
+        card = np.ascontiguousarray(np.rot90(card, -1))
+        level = np.column_stack([499 - level[:, 1], level[:, 0]])
+    none = SheetSide(np.zeros((0, 2)), np.zeros(0), 0.0, 0.0)
+    sides = [none] * 4
+    sides[1 if turned else 0] = SheetSide(level, np.ones(40), 1.0, 0.0)
+    outline = SheetOutline(np.full((4, 2), np.nan), (sides[0], sides[1], sides[2], sides[3]), 0.98, level)
+    assert ends_at_band(Halves(card), outline) is expected
 
 
 def test_a_bent_sheet_on_a_desk_is_not_its_photo() -> None:
