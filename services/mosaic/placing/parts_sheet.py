@@ -50,6 +50,9 @@ LIKE_RULINGS_RAD = np.deg2rad(25.0)
 """Angle between the rulings of two photos up to which their bends are those of one sheet."""
 SMOOTH = (0.02, 0.3)
 """Weights of first and second differences of neighbouring bends, where no photo tells them."""
+LESS_STRAIGHT = 1.2
+"""Factor on the straightness of lines that is left by a sheet whose sides are straight, too: of two sets of waves it is
+1.09 and 1.14."""
 MATCH_PX = 0.1
 """Deviation of a coordinate of a correspondence, pixels of the photos."""
 MOST_BASES = 4
@@ -119,7 +122,8 @@ def _is_plausible(page: SeenPage, camera: OtherCamera, surface: DevelopableSurfa
         return False
     lines = part.observed.lines
     own = measure_straightness(page.shape.page_map, lines)
-    return measure_straightness(surface, lines) <= max(STRAIGHT, NO_WORSE * own)
+    worse = LESS_STRAIGHT if len(part.observed.edges.points) else NO_WORSE
+    return measure_straightness(surface, lines) <= max(STRAIGHT, worse * own)
 
 
 def _is_believable(focal: float, prior: FocalPrior) -> bool:

@@ -97,9 +97,9 @@ def _is_flat(found: Hypotheses) -> bool:
     """Whether nothing speaks against a plane: four straight sides, straight lines, even if sparse flows contradict."""
     if found.bent_sides or (found.seems == "curved" and found.sheet is None):
         return False
-    if found.rigid and found.plane_by_sides and found.plane.line_count < FEW_LINES:
-        return True
     level = found.plane_lines.count == 0 or found.plane_straightness < STRAIGHT
+    if level and found.rigid and found.plane_by_sides and found.plane.line_count < FEW_LINES:
+        return True
     if found.rigid and found.plane_straightness >= STRAIGHT:
         # No fit is needed to see that a bent sheet would not straighten them.
         level = left_by_bends(found.plane.page_map, found.plane_lines) > CURVED_GAIN

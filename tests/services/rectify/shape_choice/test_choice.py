@@ -19,6 +19,7 @@ from services.rectify.shape_choice import choice, hypotheses
 from services.rectify.shape_choice.choice import (
     VISIBLE_BEND,
     _ends_at_sides_better,
+    _is_flat,
     _needs_creases,
     _with_doubt,
     rank_shapes,
@@ -264,6 +265,27 @@ def test_sides_that_the_smooth_sheet_was_not_fitted_to_count_where_they_are_beli
         choice, "measure_straightness", lambda page_map, _: 0.9 if page_map is creased.page_map else 1.0
     )
     assert _needs_creases(creased, by_text, found) == (confidence >= BELIEVED_CONFIDENCE)
+
+
+@pytest.mark.parametrize(
+    ("straightness", "left", "flat"), [(0.02, 0.5, True), (0.1, 0.9, True), (0.1, 0.5, False)]
+)
+def test_few_lines_that_a_bend_straightens_show_that_straight_sides_are_not_a_board_s(
+    straightness: float, left: float, flat: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plane = SimpleNamespace(line_count=3, page_map=None, sides_believed=True)
+    found = SimpleNamespace(
+        bent_sides=False,
+        seems="planar",
+        sheet=object(),
+        rigid=True,
+        plane_by_sides=True,
+        plane=plane,
+        plane_lines=SimpleNamespace(count=3),
+        plane_straightness=straightness,
+    )
+    monkeypatch.setattr(choice, "left_by_bends", lambda *_: left)
+    assert _is_flat(cast(Hypotheses, found)) is flat
 
 
 def test_without_an_outline_there_is_no_mesh() -> None:
