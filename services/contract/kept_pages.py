@@ -5,7 +5,7 @@ import zipfile
 from dataclasses import dataclass
 from typing import Literal, NotRequired, TypedDict
 
-from services.contract.rectify import Corners, Crop, Illumination, Origin, PageKind, PrintedPage, Rotation
+from services.contract.rectify import Corners, Crop, Illumination, Origin, PageKind, Rotation, TypesetPage
 
 MOST_BOUND_PAGES = 200
 """Of one file of kept pages."""
@@ -141,7 +141,7 @@ class KeptPage:
         """That of its picture."""
         turn = self.document.get("print_turn")
         if turn is not None:
-            return PrintedPage(turn)
+            return TypesetPage(turn)
         return "page" if self.document["is_document"] else "photo"
 
     def photo(self) -> bytes:

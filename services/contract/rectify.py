@@ -20,13 +20,13 @@ MOST_MARGIN = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class PrintedPage:
+class TypesetPage:
     """A page of a PDF that is set in type, not an image of a page: it is flat, and upright after a clockwise `turn`."""
 
     turn: Rotation
 
 
-Origin = Literal["photo", "page"] | PrintedPage
+Origin = Literal["photo", "page"] | TypesetPage
 """Where a picture is from: a camera, a scanner or an unknown program, or a page of a PDF."""
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from services.contract.kept_pages import PHOTO, KeptPage, KeptPageJson, OptionsJson
-from services.contract.rectify import PrintedPage, RectifyParameters
+from services.contract.rectify import RectifyParameters, TypesetPage
 from services.imaging.codec import DEFAULT_QUALITY, encode_image
 from services.imaging.page_images import PagePicture
 from services.operations.kept_text import keep_text, shown_part
@@ -74,7 +74,7 @@ def keep_page(
         "rotation_found": result.orientation.rotation_deg if parameters.page_turn is None else 0,
         "stretch": photo.stretch,
         "is_document": photo.origin != "photo",
-        "print_turn": photo.origin.turn if isinstance(photo.origin, PrintedPage) else None,
+        "print_turn": photo.origin.turn if isinstance(photo.origin, TypesetPage) else None,
         "dpi": page.dpi,
         "format": photo.format,
     }

@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from services.arrays import Points, RgbImage
-from services.contract.rectify import Crop, Origin, PageKind, PrintedPage, RectifyParameters
+from services.contract.rectify import Crop, Origin, PageKind, RectifyParameters, TypesetPage
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
@@ -274,12 +274,12 @@ class _Search:
             )
         else:
             begin = (
-                self.outlines.begin if region is None and not isinstance(self.origin, PrintedPage) else None
+                self.outlines.begin if region is None and not isinstance(self.origin, TypesetPage) else None
             )
             analysis = analyse_photo(self.halves, region, clock=self.clock, on_text=begin)
             release_freed_memory()
             self.other_sheet = analysis.window is not None
-            if region is None and not analysis.facing_page and not isinstance(self.origin, PrintedPage):
+            if region is None and not analysis.facing_page and not isinstance(self.origin, TypesetPage):
                 self.seek_outline(analysis)
             beside = text_beside(analysis, self.outline)
             if self.outline is not None and beside == "texture":

@@ -8,7 +8,7 @@ bend.
 
 import numpy as np
 
-from services.contract.rectify import Origin, PrintedPage, RectifyParameters, Rotation
+from services.contract.rectify import Origin, RectifyParameters, Rotation, TypesetPage
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
@@ -71,7 +71,7 @@ def flat_page(
 
     `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length.
     """
-    certain = isinstance(origin, PrintedPage)
+    certain = isinstance(origin, TypesetPage)
     in_view = sheet_in_view(outline, view, origin=origin) and not ends_at_band(photo, outline)
     if not certain and (analysis.facing_page or in_view):
         return None
@@ -136,7 +136,7 @@ def blank_flat_page(
 
 def _turn(origin: Origin) -> Rotation | None:
     """The clockwise turn after which a printed page is upright."""
-    return origin.turn if isinstance(origin, PrintedPage) else None
+    return origin.turn if isinstance(origin, TypesetPage) else None
 
 
 def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, origin: Origin) -> bool:
@@ -236,7 +236,7 @@ def _flat_photo(
     """The photo turned by `skew_rad`, or by the nearest quarter turn where the difference is not visible."""
     off = _from_axis(skew_rad)
     turn = skew_rad if abs(off) > VISIBLE_TURN_RAD else skew_rad - off
-    if isinstance(origin, PrintedPage):
+    if isinstance(origin, TypesetPage):
         turn = 0.0
     box = None if ground is None else ground.box
     if origin != "photo":

@@ -14,7 +14,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 
 from services.contract.images import DocumentLimits, ImageLimits
-from services.contract.rectify import Origin, PrintedPage
+from services.contract.rectify import Origin, TypesetPage
 from services.errors import DocumentError, InvalidOption, TooLarge, UndecodableImage, UnsupportedMediaType
 from services.imaging.codec import decode_image, encode_image
 from services.imaging.page_images import RENDER_DPI, open_pages
@@ -183,7 +183,7 @@ def origin_of(upload: bytes) -> Origin:
 def test_a_page_that_is_set_in_type_says_which_way_it_lies(lies_deg: int, turn: int) -> None:
     """Text turns against the clock, a page with it."""
     expected = (lies_deg - turn) % 360
-    assert origin_of(set_in_type("A line of words. " * 6, lies_deg=lies_deg, turn=turn)) == PrintedPage(
+    assert origin_of(set_in_type("A line of words. " * 6, lies_deg=lies_deg, turn=turn)) == TypesetPage(
         expected
     )
 
@@ -193,7 +193,7 @@ def test_an_image_of_a_page_is_no_print_unless_text_is_shown_over_it(
     characters: int, mode: int, printed: bool
 ) -> None:
     upload = set_in_type("words and " * (characters // 10), image=True, mode=mode)
-    assert origin_of(upload) == (PrintedPage(0) if printed else "page")
+    assert origin_of(upload) == (TypesetPage(0) if printed else "page")
 
 
 def test_a_page_without_text_and_a_picture_are_not_print() -> None:

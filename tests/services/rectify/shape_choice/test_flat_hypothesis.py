@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter
 
 from services.arrays import Points, RgbImage
-from services.contract.rectify import Origin, PrintedPage, RectifyParameters
+from services.contract.rectify import Origin, RectifyParameters, TypesetPage
 from services.errors import NoText
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.reduction import Halves
@@ -258,7 +258,7 @@ def test_a_page_that_is_set_in_type_is_flat_whatever_its_print_seems_to_show() -
     for k in range(20):
         write(page, "lines that seem to converge upon a page", (40 + 6 * k, 60 + 40 * k), 22, 0.6 * k - 6.0)
     assert answer(page, origin="page").evidence.source != ("photo",)
-    result = rectify(page, RectifyParameters(), origin=PrintedPage(90))
+    result = rectify(page, RectifyParameters(), origin=TypesetPage(90))
     assert (result.evidence.source, result.orientation.rotation_deg, result.warnings) == (("photo",), 90, ())
     # Small print is enlarged. The top left of the view is the bottom left of the page.
     corners = result.mesh[[0, 0, -1, -1], [0, -1, 0, -1]]
