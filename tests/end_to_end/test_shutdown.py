@@ -40,6 +40,8 @@ def wait_until_refused(service: Service) -> None:
             socket.create_connection(("127.0.0.1", service.port), timeout=5).close()
         except ConnectionRefusedError:
             return
+        except ConnectionResetError:
+            pass  # it was waiting at the socket as that was closed: the next one is refused
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
