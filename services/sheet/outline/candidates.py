@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
-from services.sheet.outline.colors import color_codes, color_log_odds
+from services.sheet.outline.colors import color_codes, color_log_odds, color_log_odds_of, count_colors
 from services.sheet.outline.corners import split_sides
 from services.sheet.outline.edges import outward_normals, resample_closed
 from services.sheet.outline.print_place import PrintPlace
@@ -73,6 +73,10 @@ class _Search:
     parted: float
     paths: list[NDArray[np.intp]] = field(default_factory=list)
     found: list[Candidate] = field(default_factory=list)
+    counts: NDArray[np.intp] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.counts = count_colors(self.codes)
 
     def add(self, *sought: tuple[Vector, Floats | float]) -> None:
         """The best paths, each beyond samples (N,) and with log odds of paper; all of them are sought together."""
@@ -86,7 +90,8 @@ class _Search:
         """The candidate of a path (N,)."""
         curve = self.rays.at(path)
         rating = self.rate(curve)
-        rank = rating + self.parted * parted_colors(self.codes, curve)
+        parted = parted_colors(self.codes, self.counts, curve) if self.parted else 0.0
+        rank = rating + self.parted * parted
         return Candidate(curve, rating, float((path >= self.rays.last).mean()), rank)
 
     def best(self, count: int, first: int = 0) -> list[NDArray[np.intp]]:
@@ -181,23 +186,26 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
         search.add(*sought)
 
 
-def parted_colors(codes: NDArray[np.int64], curve: Points) -> float:
-    """How well a `curve` (N, 2) parts the colours of a photo with `codes` (h, w) next to it, -1 to 1."""
+def parted_colors(codes: NDArray[np.int64], counts: NDArray[np.intp], curve: Points) -> float:
+    """How well a `curve` (N, 2) parts the colours of a photo with `codes` (h, w) next to it, -1 to 1.
+
+    `counts` are the numbers of pixels in all bins.
+    """
     inside = _filled(curve, codes.shape)
-    if inside.all() or not inside.any():
+    within = count_colors(codes[inside])
+    beyond = counts - within
+    if not within.any() or not beyond.any():
         return 0.0
-    odds = color_log_odds(codes, inside, ~inside)
     points = resample_closed(curve, 200)
     normals = outward_normals(points, 3)
     high = np.array(codes.shape[::-1]) - 1
-    by_side = []
-    for way in (-BESIDE_PX, BESIDE_PX):
-        at = np.clip(np.round(points + way * normals).astype(int), 0, high)
-        by_side.append(odds[at[:, 1], at[:, 0]])
     shown = ((points > BESIDE_PX) & (points < high - BESIDE_PX)).all(axis=1)
     if not shown.any():
         return 0.0
-    return float(np.mean(np.where(shown, by_side[0] - by_side[1], 0.0))) / 2
+    sides = np.concatenate([(points + way * normals)[shown] for way in (-BESIDE_PX, BESIDE_PX)])
+    at = np.clip(np.round(sides).astype(int), 0, high)
+    odds = color_log_odds_of(codes[at[:, 1], at[:, 0]], within, beyond)
+    return float(np.sum(odds[: shown.sum()] - odds[shown.sum() :])) / (2 * len(points))
 
 
 def _filled(curve: Points, shape: tuple[int, ...]) -> Mask:

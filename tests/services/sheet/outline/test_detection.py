@@ -8,7 +8,7 @@ import pytest
 
 from services.arrays import Points, RgbImage
 from services.sheet.outline.candidates import Candidate, CandidateParameters, parted_colors
-from services.sheet.outline.colors import color_codes
+from services.sheet.outline.colors import color_codes, color_log_odds, color_log_odds_of, count_colors
 from services.sheet.outline.detection import (
     MeasuredOutline,
     OutlineParameters,
@@ -282,6 +282,15 @@ def test_of_two_outlines_the_outer_one_is_taken_unless_the_inner_one_is_clearly_
     assert is_surer(measured(0.6, 0.9), measured(0.45, 1.0))
 
 
+def test_log_odds_of_some_colours_are_those_of_all() -> None:
+    rng = np.random.default_rng(0)
+    codes = color_codes(rng.normal(50, 20, (60, 50, 3)).astype(np.float32))
+    inside = np.zeros(codes.shape, bool)
+    inside[10:40, 5:30] = True
+    some = color_log_odds_of(codes[::7, 3], count_colors(codes[inside]), count_colors(codes[~inside]))
+    np.testing.assert_allclose(some, color_log_odds(codes, inside, ~inside)[::7, 3], atol=1e-5)
+
+
 def test_a_curve_that_leaves_the_sheets_edge_parts_its_colours_worse() -> None:
     # The lower part of the sheet lies below a coloured band: a curve that ends at the band has paper on both sides.
     colors = np.full((200, 160, 3), (30.0, 10.0, 10.0), np.float32)
@@ -291,7 +300,8 @@ def test_a_curve_that_leaves_the_sheets_edge_parts_its_colours_worse() -> None:
     sheet = np.array([[19.5, 19.5], [139.5, 19.5], [139.5, 179.5], [19.5, 179.5]])
     to_band = np.minimum(sheet, [200.0, 129.5])
     beside = sheet + np.array([[0, 0], [12, 0], [12, 0], [0, 0]])
-    whole = parted_colors(codes, sheet)
+    counts = count_colors(codes)
+    whole = parted_colors(codes, counts, sheet)
     assert whole > 0.95
-    assert parted_colors(codes, to_band) < whole - 0.1
-    assert parted_colors(codes, beside) < whole - 0.1
+    assert parted_colors(codes, counts, to_band) < whole - 0.1
+    assert parted_colors(codes, counts, beside) < whole - 0.1
