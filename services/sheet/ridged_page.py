@@ -60,7 +60,7 @@ END = 0.15
 """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
 BEYOND = 0.3
 """A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
-MAX_SKEW_RAD = float(np.deg2rad(2.5))
+MAX_SKEW_RAD = float(np.deg2rad(4.0))
 """Largest skew of the print; above it the sides of the sheet show nothing of the lines' directions."""
 MAX_STRETCH = 0.02
 """Largest RMS change of the edges' lengths; paper stretches less."""
