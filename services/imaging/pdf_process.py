@@ -176,7 +176,7 @@ class _Document:
                 return None
             looked_at = range(min(text.count_chars(), _MOST_LOOKED_AT))
             angles = np.array([pdfium.FPDFText_GetCharAngle(text.raw, k) for k in looked_at])
-            quarters = np.bincount(np.round(angles / (np.pi / 2)).astype(int) % 4)
+            quarters = np.bincount(np.round(angles / (np.pi / 2)).astype(int) % 4, minlength=4)
             # Angles of characters are clockwise, as the rotation of the page is.
             return int(-90 * quarters.argmax() - page.get_rotation()) % 360
         except pypdfium2.PdfiumError:
