@@ -8,7 +8,7 @@ SAME_PX = 1.0
 SAME_ROW = 0.5
 """Common height of what is printed in one row, as a share of the lower one's."""
 CELL_IN_ROW = 0.3
-"""The same of a cell and the row of a table that it belongs to: people draw boxes, and cells may have several lines."""
+"""The same of a cell and its row of a table: boxes are drawn by hand, and a cell may have several lines."""
 
 
 def area(box: Sides) -> float:

@@ -1,4 +1,4 @@
-"""What a zone says, and what stands beside and above it, as tokens that a class can learn from its samples.
+"""The words of a zone, and those beside and above it, as tokens that a class learns from its samples.
 
 No list of words comes with the code. A token is a word, a piece of one (so that a misread letter leaves others), the
 form of a number, or the kind of value that a text looks like. Words that stand left of a zone in its row, or above it
@@ -30,7 +30,7 @@ LONGEST_TOKEN = 16
 _SEARCHED = 600
 """Characters of a zone that are read for tokens."""
 _SLACK = 0.3
-"""How far what stands beside a zone may reach into it, in heights of the zone."""
+"""Largest overlap of a zone and one beside it, in heights of the zone."""
 _SAME_KEY = 3.0
 """Widest space within a key, in heights of the zone."""
 
