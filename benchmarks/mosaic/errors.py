@@ -176,11 +176,12 @@ def _rms(offsets: NDArray[np.float64]) -> float:
     return float(np.sqrt(squares.mean())) if len(squares) else _NAN
 
 
-def mesh_of_homography(
-    H_mosaic_photo: NDArray[np.float64], width: int, height: int, columns: int = 33, rows: int = 33
-) -> Mesh:
+def mesh_of_homography(H_mosaic_photo: NDArray[np.float64], width: int, height: int) -> Mesh:
     """The mesh of a photo that was placed by one homography."""
-    grid = np.stack(
-        np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows)), axis=-1
-    )
-    return transform_points(H_mosaic_photo, grid.reshape(-1, 2)).reshape(rows, columns, 2)
+    nodes = photo_nodes(width, height)
+    return transform_points(H_mosaic_photo, nodes.reshape(-1, 2)).reshape(nodes.shape)
+
+
+def photo_nodes(width: int, height: int) -> Mesh:
+    """The photo pixels that a mesh of 33 x 33 nodes tells the places of."""
+    return np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 33)), axis=-1)

