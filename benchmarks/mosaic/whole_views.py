@@ -1,9 +1,10 @@
 """Several photos that each show the whole of one sheet: the joint answer beside the best of the single ones.
 
-python -m benchmarks mosaic_whole_views [--limit N] [--update-baseline]
+python -m benchmarks mosaic_whole_views [--limit N] [--only TEXT] [--read] [--update-baseline]
 
 Flat, smooth and creased sheets on a desk, in two or three photos of one camera from other places under other lamps. The
-best single photo is chosen by the truth, after the fact: more photos must not make the page worse.
+best single photo is chosen by the truth, after the fact: more photos must not make the page worse. `--read` has
+Tesseract read the joint page, and each photo laid into the same frame by the true map, of which the best counts.
 """
 
 import argparse
@@ -17,9 +18,11 @@ import numpy as np
 
 from benchmarks.common.baseline import Figures, Metric, judge
 from benchmarks.common.places import BASELINE, data_folder
+from benchmarks.common.reading import Reader, character_score, make_reader
 from benchmarks.common.residuals import fit_similarity, mesh_on_page
 from benchmarks.rectify.cases import load_pages
 from benchmarks.rectify.sheet_experiments import CROSSED, CRUMPLED, FOLDED, LAMPS
+from benchmarks.rectify.true_map import flatten_onto
 from benchmarks.rectify.whole_sheets import MARGIN, SIZE, SMOOTH, pose_of_width
 from services.contract.mosaic import MosaicParameters
 from services.contract.rectify import RectifyParameters
@@ -113,8 +116,8 @@ def single_error_percent(photo: SimulatedPhoto) -> float:
     return errors_percent(*mesh_on_page(result.mesh, width, height, photo.truth), photo.truth.page.width)[0]
 
 
-def joint_errors_percent(result: MosaicResult, photos: Sequence[SimulatedPhoto]) -> tuple[float, float]:
-    """Median and 95th percentile over the points of all photos, after one similarity."""
+def joint_points(result: MosaicResult, photos: Sequence[SimulatedPhoto]) -> tuple[Points, Points]:
+    """Points of the joint page that photos show, and what the page has there, (N, 2) each."""
     shown, page = [], []
     for photo, patch in zip(photos, result.patches, strict=True):
         if patch.mesh is None:
@@ -126,7 +129,7 @@ def joint_errors_percent(result: MosaicResult, photos: Sequence[SimulatedPhoto])
         seen = truth.on_page(points) & np.isfinite(mesh).all(axis=1)
         shown.append(mesh[seen])
         page.append(truth.photo_to_page(points[seen]))
-    return errors_percent(np.concatenate(shown), np.concatenate(page), photos[0].truth.page.width)
+    return np.concatenate(shown), np.concatenate(page)
 
 
 def pose_errors_deg(result: MosaicResult, photos: Sequence[SimulatedPhoto]) -> tuple[float, float] | None:
@@ -155,7 +158,7 @@ def pose_errors_deg(result: MosaicResult, photos: Sequence[SimulatedPhoto]) -> t
     return max(turns), float(np.degrees(np.median(np.arccos(np.clip(cosines, -1, 1)))))
 
 
-def measure(photos: Sequence[SimulatedPhoto]) -> dict[str, float]:
+def measure(photos: Sequence[SimulatedPhoto], reader: Reader | None = None) -> dict[str, float]:
     """Figures of one set; CPU s of the joint answer over those of all single ones."""
     begin = time.process_time()
     best = min(single_error_percent(photo) for photo in photos)
@@ -165,9 +168,11 @@ def measure(photos: Sequence[SimulatedPhoto]) -> dict[str, float]:
     except DocumentError:
         return {"best_percent": best, "joint_percent": _LOST, "joint_95_percent": _LOST}
     spent = time.process_time() - between
-    median, most = joint_errors_percent(result, photos)
+    points = joint_points(result, photos)
+    median, most = errors_percent(*points, photos[0].truth.page.width)
     pose = pose_errors_deg(result, photos)
     sheet = {} if pose is None else {"turn_deg": pose[0], "normals_deg": pose[1]}
+    read = {} if reader is None else _read(reader, result, photos, *points)
     return {
         "best_percent": best,
         "joint_percent": median,
@@ -175,26 +180,50 @@ def measure(photos: Sequence[SimulatedPhoto]) -> dict[str, float]:
         "unplaced": float(len(result.unplaced)),
         "cpu_ratio": spent / (between - begin),
         **sheet,
+        **read,
     }
+
+
+def _read(
+    reader: Reader, result: MosaicResult, photos: Sequence[SimulatedPhoto], shown: Points, page: Points
+) -> dict[str, float]:
+    """Character scores of the joint page and of the best photo by the true map, in the joint page's frame."""
+    height, width = result.image.shape[:2]
+    lines = [" ".join(word.text for word in line) for line in photos[0].truth.page.lines]
+    true = [flatten_onto(photo.image, photo.truth, (width, height), shown, page) for photo in photos]
+    scores = [
+        100 * character_score(lines, reader.read(image).text)
+        for image in (result.image, *true)
+        if image is not None
+    ]
+    return {"characters": scores[0], "true_map_characters": max(scores[1:])}
 
 
 def main(arguments: Sequence[str]) -> int:
     """Print a line a set, and percentiles; compare with the committed figures."""
     parser = argparse.ArgumentParser(prog=f"python -m benchmarks {NAME}", description=__doc__)
     parser.add_argument("--limit", type=int, default=None, help=f"sets, of {_SETS * len(KINDS)}")
+    parser.add_argument("--only", default="", help="only sets whose name contains this")
+    parser.add_argument("--read", action="store_true", help="characters that Tesseract reads, too")
     parser.add_argument("--update-baseline", action="store_true")
     asked = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     pages, _ = load_pages(data_folder(None))
     figures: Figures = {}
-    for case in list(all_sets())[: asked.limit]:
-        found = figures[case.name] = measure(photograph(case, pages))
+    reader = make_reader("tesseract", "") if asked.read else None
+    for case in [case for case in all_sets() if asked.only in case.name][: asked.limit]:
+        found = figures[case.name] = measure(photograph(case, pages), reader)
         print(
             f"{case.name:12s} {case.photos} photos  best single {found['best_percent']:.3f} %  joint "
             f"{found['joint_percent']:.3f}, 95 % {found['joint_95_percent']:.3f}  CPU {found.get('cpu_ratio', 0):.2f}"
             + (
                 f"  turn {found['turn_deg']:.2f} deg, normals {found['normals_deg']:.2f}"
                 if "turn_deg" in found
+                else ""
+            )
+            + (
+                f"  characters {found['characters']:.2f}, true map {found['true_map_characters']:.2f}"
+                if "characters" in found
                 else ""
             ),
             flush=True,

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from benchmarks.common.residuals import fit_similarity, mesh_on_page
 from services.arrays import RgbImage
 from services.rectify.results import RectifyResult
+from simulation.flat_page import Points
 from simulation.truth import Lattice, Truth
 
 _WHITE = (255, 255, 255)
@@ -24,10 +25,19 @@ def flatten_in_frame(photo: RgbImage, truth: Truth, result: RectifyResult) -> Rg
     not show the page.
     """
     height, width = result.image.shape[:2]
-    output, page = mesh_on_page(result.mesh, width, height, truth)
+    return flatten_onto(photo, truth, (width, height), *mesh_on_page(result.mesh, width, height, truth))
+
+
+def flatten_onto(
+    photo: RgbImage, truth: Truth, size: tuple[int, int], output: Points, page: Points
+) -> RgbImage | None:
+    """The photo as an image of (width, height) pixels that shows `page`, page pixels (N, 2), at `output` (N, 2).
+
+    As near as a similarity comes to it. None for fewer than 3 points.
+    """
     if len(output) < 3:
         return None
-    return _resample(photo, truth, (width, height), *fit_similarity(output, page))
+    return _resample(photo, truth, size, *fit_similarity(output, page))
 
 
 def _resample(
