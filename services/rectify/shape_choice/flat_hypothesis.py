@@ -29,6 +29,7 @@ from services.sheet.plane.departure import Departure, Measured, measure_departur
 from services.sheet.plane.flat_photo import PhotoAsPage
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.pose import level_plane
+from services.sheet.ridged_page import sides_bend
 from services.sheet.tracing.level_rows import shows_print
 from services.sheet.tracing.page_lines import with_rules
 from services.texture_flow.text_identification import detect_ink
@@ -51,6 +52,10 @@ WHOLE_SIDE = 0.9
 """... by this share: gently bent sheets on a desk have 0.79 to 0.86 and all of them. Of 54 scans and cropped pages 52
 have no outline, and those of two lie along the photo's frame. Of a sheet that goes on beyond the photo, whose other
 sides are seen so far, a believed outline is enough."""
+
+BENT_RIM = 0.01
+"""RMS bend of a sheet's side, as a share of its size, from which on it is seen at the frame, too: cropped pages and
+scans have up to 0.0066, a crumpled sheet that fills its photo 0.028."""
 
 
 def may_be_flat(parameters: RectifyParameters) -> bool:
@@ -140,14 +145,19 @@ def _turn(origin: Origin) -> Rotation | None:
 
 
 def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, origin: Origin) -> bool:
-    """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame."""
+    """Whether the sides of a sheet are in view, and not only slivers of a desk at the photo's frame.
+
+    Of a sheet that is clearly bent all round, they are seen at the frame as well.
+    """
     if outline is None:
         return False
     in_view = [side.seen for side in outline.sides if side.seen > 0.0]
-    least = SHEET_CONFIDENCE
-    if min(in_view, default=0.0) >= WHOLE_SIDE:
+    least, whole = SHEET_CONFIDENCE, min(in_view, default=0.0) >= WHOLE_SIDE
+    if whole:
         least = WHOLE_CONFIDENCE if len(in_view) == 4 else BELIEVED_CONFIDENCE
-    if outline.confidence < least or _hugs_frame(outline, view):
+    if outline.confidence < least:
+        return False
+    if _hugs_frame(outline, view) and not (whole and len(in_view) == 4 and sides_bend(outline) > BENT_RIM):
         return False
     if origin == "photo":
         return True

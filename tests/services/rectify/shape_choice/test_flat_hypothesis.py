@@ -138,6 +138,18 @@ def test_a_sheet_whose_sides_are_all_seen_is_in_view(
     assert sheet_in_view(outline_at(corners, confidence, seen), view, origin="photo") is is_seen
 
 
+@pytest.mark.parametrize(
+    ("bend_px", "seen", "is_seen"), [(20.0, 1.0, True), (5.0, 1.0, False), (20.0, 0.6, False)]
+)
+def test_a_sheet_that_is_bent_all_round_is_in_view_at_the_frame(
+    bend_px: float, seen: float, is_seen: bool
+) -> None:
+    outline = outline_at(np.array([[8.0, 8.0], [792.0, 8.0], [792.0, 992.0], [8.0, 992.0]]), 0.97, seen)
+    sides = tuple(replace(side, straightness_px=bend_px) for side in outline.sides)
+    bent = replace(outline, sides=sides)
+    assert sheet_in_view(bent, PhotoFrame(800, 1000), origin="photo") is is_seen
+
+
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize(
     ("words", "askew", "expected"), [(True, 0.0, True), (False, 0.0, False), (True, 0.05, False)]
