@@ -18,17 +18,18 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.deadline import time_left_s
 from services.imaging.components import label_components
-from services.ocr.engine import OcrEngine, Word
+from services.ocr.engine import MADE_UP, OcrEngine, Word
 
-_NUMBER = re.compile(r"\d[\d.,]*")
+_NUMBER = re.compile(r"-?\d[\d.,]*(?: ?[$€£¥₹₽])?")
+"""A number, or an amount with the sign of its currency."""
 _DARK = 160
 """Gray level of ink on a page in even light."""
 _HEIGHTS = (0.6, 1.3)
 """Height of print that may be a number, in heights of the page's words."""
-_WIDEST = 4.0
-"""Width of such print: longer numbers are not lost."""
-_WITHIN = 0.35
-"""Widest space within a number, in heights."""
+_WIDEST = 8.0
+"""Width of such print: that of 12.345,60 € in heights of small letters."""
+_WITHIN = 0.55
+"""Widest space within a number, or before the sign of its currency, in heights."""
 _APART = 0.7
 """Space between a lone number and the words of its row, in heights. Words of a text are 0.4 apart, and of "4 mm" the
 engine read "4mm" in the box of "mm"."""
@@ -55,15 +56,18 @@ def with_lost_numbers(
     """`words` of the page `gray` (H, W), which is in even light, and the numbers that its columns miss.
 
     A number comes behind the nearest word to its left, as a part of the same line, or before the nearest one to its
-    right. None is read after `ends_s` (of `time.process_time`), or after the deadline.
+    right, and in place of words that are not believed; read twice alike, it needs less confidence. None is read after
+    `ends_s` (of `time.process_time`), or after the deadline.
     """
-    if len(words) < _LEAST_WORDS:
+    believed = [place for place, word in enumerate(words) if word.confidence >= MADE_UP]
+    if len(believed) < _LEAST_WORDS:
         return list(words)
-    boxes = np.array([word.box for word in words])
+    boxes = np.array([words[place].box for place in believed])
     height = median((boxes[:, 3] - boxes[:, 1]).tolist())
-    numbers = boxes[[_NUMBER.fullmatch(word.text) is not None for word in words]]
+    numbers = boxes[[_NUMBER.fullmatch(words[place].text) is not None for place in believed]]
     lone = _lone_print(gray, boxes, height)
-    found: list[tuple[float, Word]] = [(float(place), word) for place, word in enumerate(words)]
+    found: list[tuple[float, Word]] = []
+    gone: set[int] = set()
     for box in lone[_in_columns(lone, numbers, height)][:_MOST_READ]:
         if time.process_time() >= ends_s or time_left_s() <= 0.0:
             break
@@ -71,11 +75,26 @@ def with_lost_numbers(
         x0, y0, x1, y1 = (int(edge) for edge in box)
         crop = gray[max(0, y0 - margin) : y1 + margin, max(0, x0 - margin) : x1 + margin]
         text, confidence = engine.read_line(np.ascontiguousarray(crop))
-        if confidence >= _LEAST_CONFIDENCE and _NUMBER.fullmatch(text):
-            beside, is_behind = _neighbour(box, boxes, height)
+        doubted = _doubted(words, box)
+        agreed = confidence >= MADE_UP and text.replace(" ", "") == "".join(words[k].text for k in doubted)
+        if (confidence >= _LEAST_CONFIDENCE or agreed) and _NUMBER.fullmatch(text):
+            gone.update(doubted)
+            neighbour, is_behind = _neighbour(box, boxes, height)
+            beside = believed[neighbour]
             word = Word(text, (float(x0), float(y0), float(x1), float(y1)), confidence, words[beside].line)
             found.append((beside + (0.5 if is_behind else -0.5), word))
+    found += [(float(place), word) for place, word in enumerate(words) if place not in gone]
     return [word for _, word in sorted(found, key=lambda each: each[0])]
+
+
+def _doubted(words: Sequence[Word], box: NDArray[np.float64]) -> list[int]:
+    """Places of the words that are not believed and have their middle in the box."""
+    places = []
+    for place, word in enumerate(words):
+        x, y = (word.box[0] + word.box[2]) / 2, (word.box[1] + word.box[3]) / 2
+        if word.confidence < MADE_UP and box[0] <= x <= box[2] and box[1] <= y <= box[3]:
+            places.append(place)
+    return places
 
 
 def _lone_print(gray: GrayImage, words: Boxes, height: float) -> Boxes:

@@ -105,12 +105,13 @@ def key_zones(page: Page) -> tuple[Mapping[str, int], ...]:
 def _own_tokens(text: str) -> Tokens:
     if not text.strip():
         return ((NOTHING,),) * 3
-    words = _words(text)
+    words = words_of(text)
     first = [f"^{words[0]}", f"{words[-1]}$"] if words else []
     return _first((*first, *words)), _first(_pieces(words)), _first(_forms(text))
 
 
-def _words(text: str) -> list[str]:
+def words_of(text: str) -> list[str]:
+    """The words of a text as tokens, its first ones."""
     return [match[0].casefold()[:LONGEST_TOKEN] for match in _WORD.finditer(text)][:MOST_TOKENS]
 
 
@@ -183,7 +184,7 @@ class _Print:
             if _UNIT.fullmatch(text):
                 edge = x0[place]
                 continue
-            found = _words(text)
+            found = words_of(text)
             if words and (not found or edge - x1[place] > _SAME_KEY * (box[3] - box[1])):
                 break
             words = [*found, *words]
@@ -196,7 +197,7 @@ class _Print:
         if not row:
             return (NOTHING,)
         text = " ".join(self.texts[place].rstrip().rpartition("\n")[2] for place in row)
-        return _first((*_words(text), *_kinds(text)))
+        return _first((*words_of(text), *_kinds(text)))
 
     def in_row(self, box: Box) -> list[int]:
         """Places of what stands left of a box in its row, from right to left."""

@@ -1,8 +1,9 @@
 """Where a line of words is cut into parts: where a key ends, where a value begins or ends, and at wide spaces."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
+from services.layout.graph.zone_words import words_of
 from services.layout.page import ZoneWord
 from services.layout.read_words import is_value
 from services.ocr.engine import Word
@@ -21,8 +22,13 @@ _OF_ONE_NUMBER = 0.45
 """Largest space between thousands, and between a currency and its amount, in em."""
 
 
-def places_of_cuts(words: Sequence[Word] | Sequence[ZoneWord], em: float) -> list[int]:
-    """Places of the words, from left to right, before which their line is cut; `em` is its font size in their unit."""
+def places_of_cuts(
+    words: Sequence[Word] | Sequence[ZoneWord], em: float, keys: Set[str] = frozenset()
+) -> list[int]:
+    """Places of the words, from left to right, before which their line is cut; `em` is its font size in their unit.
+
+    `keys` are words that end a key of the class.
+    """
     values = [is_value(word.text) or bool(_NUMBER.fullmatch(word.text.strip(".,;*"))) for word in words]
     joined = set()
     for at in range(len(words) - 1, 0, -1):
@@ -42,8 +48,13 @@ def places_of_cuts(words: Sequence[Word] | Sequence[ZoneWord], em: float) -> lis
             or values[at] != values[at - 1]
             or (values[at] and values[at - 1])
             or (_KEY_END.search(words[at - 1].text) and not _KEY_END.search(words[at].text))
+            or _ends_key(words[at - 1].text, keys)
         )
     ]
+
+
+def _ends_key(word: str, keys: Set[str]) -> bool:
+    return any(found in keys for found in words_of(word)[-1:]) if keys else False
 
 
 def _is_thousands(word: str, after: str) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from services.layout.content.content_features import ContentFeatures
 from services.layout.graph.layout_graph import build_graph
+from services.layout.graph.zone_words import KEY_LEFT
 from services.layout.grouping.line_cuts import places_of_cuts
 from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.matching.cost_tables import CostTables
@@ -32,6 +33,8 @@ LEAST_SHARE = 0.1
 """Of the zones of a label that lie within larger ones, from which on it is looked for there."""
 PRIOR_ZONES = 1.0
 """As if so many zones had been seen that are whole."""
+KEY_SHARE = 0.5
+"""Of the zones of a label that are parts, those whose key ends with one word, from which on a line is cut behind it."""
 _MAY_BE = 2.0
 """Log odds against a label up to which a part may have it, as for values (`recognition.label_evidence`)."""
 
@@ -77,7 +80,7 @@ def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures
     within = labels_of_parts(model)
     if not within or not any(fine.words):
         return fine
-    cut = cut_lines(fine)
+    cut = cut_lines(fine, key_ends(model, within))
     if len(cut.fine.lines) > MOST_PARTS:
         return fine
     taken = _labels_of_parts(cut.fine, model, features, within)
@@ -85,6 +88,17 @@ def take_out_parts(fine: FinePage, model: LayoutModel, features: ContentFeatures
     if len(blocks) == len(cut.blocks):
         return fine
     return _with_whole_lines(fine, cut, blocks)
+
+
+def key_ends(model: LayoutModel, labels: Set[str]) -> frozenset[str]:
+    """The words that most keys left of the zones of one of these labels end with."""
+    found = set()
+    for node in model.nodes:
+        words = node.words.get(KEY_LEFT)
+        if node.label in labels and words is not None:
+            most = (token for token, count in words.tokens.items() if count > KEY_SHARE * words.zones)
+            found |= {token[:-1] for token in most if token.endswith("$")}
+    return frozenset(found)
 
 
 def single_parts(model: LayoutModel) -> frozenset[str]:
@@ -118,13 +132,13 @@ class CutLines:
     lines: tuple[tuple[int, ...], ...]
 
 
-def cut_lines(fine: FinePage) -> CutLines:
-    """The page with its lines cut into parts."""
+def cut_lines(fine: FinePage, keys: Set[str] = frozenset()) -> CutLines:
+    """The page with its lines cut into parts, behind `keys` too."""
     made = _Lines([], [], [], [])
     parts: list[tuple[int, ...]] = []
     for index, line in enumerate(fine.lines):
         own = fine.words[index]
-        edges = [0, *places_of_cuts(own, line.em * fine.scale), len(own)]
+        edges = [0, *places_of_cuts(own, line.em * fine.scale, keys), len(own)]
         parts.append(tuple(made.add(fine, index, a, b) for a, b in pairwise(edges)))
     blocks = tuple(tuple(part for line in block for part in parts[line]) for block in fine.blocks)
     begins = frozenset(parts[line][0] for line in fine.begins)

@@ -72,6 +72,26 @@ def test_a_number_left_of_all_words_comes_before_them() -> None:
     assert [word.text for word in found] == ["7", "bolt", "3", "12.00"] * 3
 
 
+@pytest.mark.parametrize(
+    ("again", "confidence", "expected"),
+    [
+        ("12.00 €", 0.6, ["12.00 €"]),
+        ("72.00", 0.9, ["72.00"]),
+        ("72.00", 0.6, ["12.00", "€"]),
+        ("12.00 €", 0.2, ["12.00", "€"]),
+    ],
+)
+def test_an_amount_that_was_read_and_not_believed_is_read_again(
+    again: str, confidence: float, expected: list[str]
+) -> None:
+    gray, words = page(numbers=3)
+    x0, y0, x1, y1 = words[-1].box
+    doubted = [Word("12.00", (x0, y0, x1 - 16, y1), 0.2, 2), Word("€", (x1 - 12, y0, x1, y1), 0.2, 2)]
+    found = with_lost_numbers(gray, [*words[:-1], *doubted], DigitEngine(again, confidence))
+    assert [word.text for word in found][8:] == expected
+    assert found[:8] == words[:8]
+
+
 @pytest.mark.parametrize("engine", [DigitEngine("l"), DigitEngine("7", 0.5), DigitEngine("")])
 def test_what_is_no_sure_number_stays_unread(engine: DigitEngine) -> None:
     gray, words = page(numbers=2)

@@ -49,19 +49,35 @@ def slip(number: int) -> FinePage:
     return fine_page(("ACME TRADING LTD", "Tel 5550 123"), tuple(rows), top=40.0 + 9 * (number % 3))
 
 
+def numbered(number: int) -> FinePage:
+    """A bill whose number stands behind its key, without a colon or a wide space."""
+    rows = ("Your account is due", f"Invoice No. 2026-01{number:02d}", "Thank you for your order")
+    return fine_page(("ACME TRADING LTD", "Tel 5550 123"), rows, top=40.0 + 9 * (number % 3))
+
+
 def sample(number: int) -> tuple[Page, Page]:
     """The slip with its total drawn as a zone of its own, and as segmentation finds it."""
-    fine = slip(number)
+    return _with_part(slip(number), f"{40 + number}.20", "total")
+
+
+def _with_part(fine: FinePage, text: str, label: str) -> tuple[Page, Page]:
     found = compose_page(fine)
-    amount = next(w for own in fine.words for w in own if w.text == f"{40 + number}.20")
-    total = replace(
-        found.zones[1], id="t", box=amount.box, label="total", text=amount.text, words=(), lines=1
-    )
+    word = next(w for own in fine.words for w in own if w.text == text)
+    part = replace(found.zones[1], id="t", box=word.box, label=label, text=text, words=(), lines=1)
     head = replace(found.zones[0], label="head")
-    verified = Page(found.width, found.height, (head, total))
+    verified = Page(found.width, found.height, (head, part))
     return verified, transfer_labels(verified, found)
 
 
 def model_of_slips(count: int = 5) -> LayoutModel:
-    samples = [sample(number) for number in range(count)]
+    """Of samples whose total is drawn."""
+    return _model([sample(number) for number in range(count)])
+
+
+def model_of_numbered(count: int = 4) -> LayoutModel:
+    """Of samples whose number is drawn."""
+    return _model([_with_part(numbered(k), f"2026-01{k:02d}", "number") for k in range(count)])
+
+
+def _model(samples: list[tuple[Page, Page]]) -> LayoutModel:
     return initialize_model("slip", [page for page, _ in samples], found=[found for _, found in samples])

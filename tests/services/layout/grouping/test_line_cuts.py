@@ -10,7 +10,7 @@ from services.layout.page import ZoneWord
 EM = 20.0
 
 
-def parts_of(line: str) -> list[str]:
+def parts_of(line: str, keys: frozenset[str] = frozenset()) -> list[str]:
     """The line in its parts; words are 0.3 em apart, and 0.6 em where two spaces are."""
     words: list[ZoneWord] = []
     x = 0.0
@@ -21,7 +21,7 @@ def parts_of(line: str) -> list[str]:
         width = 0.5 * EM * len(text)
         words.append(ZoneWord(text, (x, 0.0, x + width, EM), 0.9, 0))
         x += width + 0.3 * EM
-    cuts = [0, *places_of_cuts(words, EM), len(words)]
+    cuts = [0, *places_of_cuts(words, EM, keys), len(words)]
     return [" ".join(word.text for word in words[a:b]) for a, b in pairwise(cuts)]
 
 
@@ -41,3 +41,10 @@ def parts_of(line: str) -> list[str]:
 )
 def test_parts_of_lines(line: str, parts: list[str]) -> None:
     assert parts_of(line) == parts
+
+
+def test_lines_are_cut_behind_the_keys_of_a_class() -> None:
+    line = "Rechnung Nr. 2026-0140 vom 3. März"
+    assert parts_of(line) == [line]
+    assert parts_of(line, frozenset({"nr"})) == ["Rechnung Nr.", "2026-0140 vom 3. März"]
+    assert parts_of("Rechnungsnr. 2026-0140", frozenset({"nr"})) == ["Rechnungsnr. 2026-0140"]

@@ -5,6 +5,7 @@ from dataclasses import replace
 from services.layout.content.content_features import content_features
 from services.layout.grouping.line_parts import (
     cut_lines,
+    key_ends,
     share_within,
     take_out_parts,
 )
@@ -12,7 +13,14 @@ from services.layout.learning.label_transfer import come_apart, zones_within
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.pipeline import VersionedModel, complete_recognition, recognize
 from services.layout.segmentation import compose_page
-from tests.services.layout.grouping.slips import fine_page, model_of_slips, sample, slip
+from tests.services.layout.grouping.slips import (
+    fine_page,
+    model_of_numbered,
+    model_of_slips,
+    numbered,
+    sample,
+    slip,
+)
 
 
 def test_lines_are_cut_at_keys_values_and_wide_spaces() -> None:
@@ -73,6 +81,18 @@ def test_a_model_of_parts_takes_the_part_out_of_a_new_page() -> None:
     models = [VersionedModel(model, 1)]
     seen = complete_recognition(fine, recognize(compose_page(fine), models), models)
     assert [each.zone.text for each in seen.zones if each.label == "total"] == ["51.20"]
+
+
+def test_what_stands_behind_a_key_of_the_samples_is_a_part() -> None:
+    model = model_of_numbered()
+    assert key_ends(model, {"number"}) == {"no"}
+    assert key_ends(model, {"head"}) == frozenset()
+    cut = take_out_parts(numbered(17), model, content_features())
+    assert "2026-0117" in [zone.text for zone in compose_page(cut).zones]
+    # Without its key nothing tells where the number begins.
+    nodes = tuple(replace(node, words={}) for node in model.nodes)
+    cut = take_out_parts(numbered(17), replace(model, nodes=nodes), content_features())
+    assert "2026-0117" not in [zone.text for zone in compose_page(cut).zones]
 
 
 def test_a_class_without_parts_keeps_its_zones() -> None:
