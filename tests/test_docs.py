@@ -110,10 +110,13 @@ def test_what_supersedes_a_decision_is_a_later_paragraph() -> None:
     assert marks > 20
 
 
-@pytest.mark.parametrize("form", [RectifyForm, MosaicForm, LayoutForm])
-def test_every_option_is_in_the_api_page(form: type[BaseModel]) -> None:
-    page = api_tables.reference()
-    assert [name for name in form.model_fields if f"`{name}`" not in page] == []
+@pytest.mark.parametrize(
+    ("form", "page"), [(RectifyForm, "rectify.md"), (MosaicForm, "mosaic.md"), (LayoutForm, "layout.md")]
+)
+def test_every_option_is_in_the_page_of_its_route(form: type[BaseModel], page: str) -> None:
+    # What all three have for jobs has a page of its own.
+    told = "".join((ROOT / "docs" / "api" / name).read_text("utf-8") for name in (page, "jobs.md"))
+    assert [name for name in form.model_fields if f"`{name}`" not in told] == []
 
 
 @pytest.mark.parametrize("name", api_tables.TABLES)
