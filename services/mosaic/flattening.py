@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
-from services.arrays import Floats, GrayImage, Mask, RgbImage
+from services.arrays import Floats, Mask, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
+from services.imaging.node_grid import MAX_REDUCTION, continuous_nodes, negative_tiles
 from services.imaging.reduction import LARGEST_STEP, reduce_exactly, reduce_image
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.notices import Notice
@@ -20,7 +20,7 @@ from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.pipeline import find_page
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.drawing import draw_gray_view
+from services.rectify.view.drawing import FAR_PX, draw_gray_view, photo_nodes
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.judged_view import is_flatter
 from services.rectify.view.paper_end import PaperEnd, find_paper_end
@@ -188,10 +188,15 @@ def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float,
 
 def _shown(photo: RgbImage, frame: Frame, rim_px: float) -> Mask:
     """Where the view shows the photo without its border."""
-    black: GrayImage = np.zeros(photo.shape[:2], np.uint8)
-    rim = int(np.ceil(rim_px))
-    cv2.rectangle(black, (0, 0), (photo.shape[1] - 1, photo.shape[0] - 1), (255,), rim)
-    return np.asarray(draw_gray_view(black, 1.0, frame) == 0)
+    seen = photo_nodes(frame)
+    middle = (np.array([photo.shape[1], photo.shape[0]]) - 1) / 2
+    within = middle - rim_px - np.abs(seen - middle)
+    within[~continuous_nodes(seen, MAX_REDUCTION)] = -FAR_PX
+    shown = np.ones((frame.height, frame.width), bool)
+    for from_sides in np.moveaxis(within.astype(np.float32), -1, 0):
+        for tile, where in negative_tiles(from_sides, frame.width, frame.height):
+            shown[tile][... if where is None else where] = False
+    return shown
 
 
 def _photo_px_per_flat_px(frame: Frame, shown: Mask, step: int = 40) -> Floats:
