@@ -101,7 +101,9 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
         # Exact at the nodes of a grid: between them the maps bend by less than a cell.
         nodes_flat = photo.placement.to_flat(mosaic)
         nodes_photo = photo.flat.to_photo(nodes_flat).reshape(*shape, 2)
-        nodes_photo[~continuous_nodes(nodes_photo, MAX_REDUCTION * max(width / columns, height / rows))] = np.nan
+        nodes_photo[~continuous_nodes(nodes_photo, MAX_REDUCTION * max(width / columns, height / rows))] = (
+            np.nan
+        )
         flat, at = (
             between_nodes(places.reshape(*shape, 2).astype(np.float32), columns, rows)
             for places in (nodes_flat, nodes_photo)
