@@ -25,11 +25,11 @@ FINE_TEXT_HEIGHT_PX = 18.0
 BLUR_PX = 1.0
 """Blur of both views: it increases the range of convergence and suppresses interpolation artefacts."""
 EVALUATIONS = 3
-"""Comparisons of the blocks: a step, one to where the steps of a geometric series would end, and one more. Of 23 pairs the
-matches are nearer to their limits on 20 than after six plain steps."""
+"""Comparisons of blocks: a step, one to where the steps of a geometric series would end, and one more. Of 23 pairs the
+matches of 20 are nearer to their limits than after six plain steps."""
 MOST_LEFT = 0.75
-"""Largest ratio of one step to the one before, either way. Where the other view is sharper, steps are too long, and turn
-back by half."""
+"""Largest ratio of one step to the one before, either way. Where the other view is sharper, steps are too long, and
+turn back by half."""
 FURTHEST_PX = 3.0
 """Largest movement; blocks that move farther were not at their true place."""
 

@@ -109,20 +109,19 @@ def _outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vect
     # The histograms of all scales are stacked with gaps, so that windows do not overlap two of them.
     pitch = rows + SURROUNDINGS
     flat = (row * pitch + at[:, 1] - low[1]) * columns + at[:, 0] - low[0]
-    counts = np.bincount(flat, minlength=len(bins) * pitch * columns).astype(np.float32)
+    counts = np.bincount(flat, minlength=len(bins) * pitch * columns).astype(np.uint16)
     y, x = _most_surprising(counts.reshape(len(bins) * pitch, columns))
     return y // int(pitch), np.array([x, y % pitch]) + low + 0.5
 
 
-def _most_surprising(histograms: NDArray[np.float32]) -> tuple[int, int]:
+def _most_surprising(histograms: NDArray[np.uint16]) -> tuple[int, int]:
     """Row and column whose 3 x 3 bins exceed their surroundings most, in standard deviations of a Poisson count."""
     near, wide = (
         np.asarray(cv2.boxFilter(histograms, -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT))
         for n in (3, SURROUNDINGS)
     )
-    # Most bins are empty, and no excess.
-    some = np.flatnonzero(near)
-    near, wide = near.ravel()[some], wide.ravel()[some]
-    expected = (wide - near) * np.float32(9 / (SURROUNDINGS**2 - 9))
-    surprise = (near - expected) / np.sqrt(np.maximum(expected, 0) + 1)
+    some = np.flatnonzero(near > 0)  # what most bins are not
+    counted, around = near.ravel()[some], wide.ravel()[some]
+    expected = (around - counted) * np.float32(9 / (SURROUNDINGS**2 - 9))
+    surprise = (counted - expected) / np.sqrt(expected + 1)
     return divmod(int(some[np.argmax(surprise)]), histograms.shape[1])
