@@ -217,7 +217,7 @@ def fill_unknown_levels(
     if not np.any(known):
         return np.zeros_like(values)
     side = odd_size(window, 3, 4 * max(values.shape))
-    share, value = cv2.split(_spread(cv2.merge([known, values * known]), side))
+    share, value = cv2.split(_spread(np.dstack([known, values * known]), side))
     return np.asarray(np.where(known > 0, values, value / share), dtype=np.float32)
 
 

@@ -61,6 +61,15 @@ def negative_tiles(
                 yield tile, np.asarray(between_nodes(near, *size) < 0)
 
 
+def positive_between(nodes: Floats, width: int, height: int) -> Mask:
+    """Where none of the K values between `nodes` (rows, columns, K) is negative, at the rectangle's pixels."""
+    positive = np.ones((height, width), bool)
+    for values in np.moveaxis(nodes.astype(np.float32), -1, 0):
+        for tile, where in negative_tiles(values, width, height):
+            positive[tile][... if where is None else where] = False
+    return positive
+
+
 def take_values(
     image: NDArray[Any], at: NDArray[np.float32], interpolation: int, border: int, outside: float = 0.0
 ) -> NDArray[Any]:

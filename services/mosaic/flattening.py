@@ -11,7 +11,7 @@ from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
-from services.imaging.node_grid import MAX_REDUCTION, continuous_nodes, negative_tiles
+from services.imaging.node_grid import MAX_REDUCTION, continuous_nodes, positive_between
 from services.imaging.reduction import LARGEST_STEP, reduce_exactly, reduce_image
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.notices import Notice
@@ -192,11 +192,7 @@ def _shown(photo: RgbImage, frame: Frame, rim_px: float) -> Mask:
     middle = (np.array([photo.shape[1], photo.shape[0]]) - 1) / 2
     within = middle - rim_px - np.abs(seen - middle)
     within[~continuous_nodes(seen, MAX_REDUCTION)] = -FAR_PX
-    shown = np.ones((frame.height, frame.width), bool)
-    for from_sides in np.moveaxis(within.astype(np.float32), -1, 0):
-        for tile, where in negative_tiles(from_sides, frame.width, frame.height):
-            shown[tile][... if where is None else where] = False
-    return shown
+    return positive_between(within, frame.width, frame.height)
 
 
 def _photo_px_per_flat_px(frame: Frame, shown: Mask, step: int = 40) -> Floats:

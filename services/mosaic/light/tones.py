@@ -25,7 +25,7 @@ class ToneMap:
     height: int
 
     def at(self, flat: Points) -> NDArray[np.float32]:
-        """Coefficients (N, 6) at flat pixels (N, 2), bilinear; constant beyond the border."""
+        """Factors of `apply_tones` (N, 5) at flat pixels (N, 2), bilinear; constant beyond the border."""
         rows, columns = self.coefficients.shape[:2]
         x = ((flat[:, 0] + 0.5) * columns / self.width - 0.5).astype(np.float32)
         y = ((flat[:, 1] + 0.5) * rows / self.height - 0.5).astype(np.float32)
@@ -36,21 +36,21 @@ class ToneMap:
         c = self.coefficients
         upper = (1 - s) * c[j, i] + s * c[j, right]
         lower = (1 - s) * c[below, i] + s * c[below, right]
-        return np.asarray((1 - t) * upper + t * lower, np.float32)
+        *gains, gain, slope, offset = ((1 - t) * upper + t * lower).T
+        return np.stack([*np.multiply(gains, gain), slope / gain, offset], axis=1).astype(np.float32)
 
 
-def apply_tones(tile: RgbImage, coefficients: Sequence[NDArray[np.float32]]) -> RgbImage:
-    """`tile` (H, W, 3), changed by the six coefficients of a `ToneMap` at its pixels, each (H, W).
+def apply_tones(tile: RgbImage, factors: Sequence[NDArray[np.float32]]) -> RgbImage:
+    """`tile` (H, W, 3) times the first three of five factors, each (H, W), plus the fourth times the strongest channel
+    of that, plus the fifth.
 
     All steps are OpenCV's, plane by plane: NumPy's on three channels take ten times as long.
     """
-    *gains, gain, slope, offset = coefficients
+    *gains, slope, offset = factors
     balanced = [
         cv2.multiply(channel, own, dtype=cv2.CV_32F)
         for channel, own in zip(cv2.split(tile), gains, strict=True)
     ]
     added = cv2.max(cv2.max(balanced[0], balanced[1]), balanced[2])
     cv2.add(cv2.multiply(added, slope, dst=added), offset, dst=added)
-    for channel in balanced:
-        cv2.multiply(channel, gain, dst=channel)
     return np.asarray(cv2.merge([cv2.add(channel, added, dtype=cv2.CV_8U) for channel in balanced]), np.uint8)

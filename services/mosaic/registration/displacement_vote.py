@@ -124,4 +124,5 @@ def _most_surprising(histograms: NDArray[np.uint16]) -> tuple[int, int]:
     counted, around = near.ravel()[some], wide.ravel()[some]
     expected = (around - counted) * np.float32(9 / (SURROUNDINGS**2 - 9))
     surprise = (counted - expected) / np.sqrt(expected + 1)
-    return divmod(int(some[np.argmax(surprise)]), histograms.shape[1])
+    place, columns = int(some[np.argmax(surprise)]), histograms.shape[1]
+    return place // columns, place % columns
