@@ -19,7 +19,7 @@ from services.imaging.node_grid import (
 )
 from services.imaging.reduction import LARGEST_STEP
 from services.mosaic.light.canvas import OUTSIDE_PX, RIM_PX
-from services.mosaic.light.tones import apply_tones
+from services.mosaic.light.tones import apply_tones, tone_factors
 from services.mosaic.placed_photo import PlacedPhoto
 
 
@@ -152,10 +152,8 @@ def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
     if not patch.is_toned:
         return drawn
     height, width = drawn.shape[:2]
-    coefficients = patch.placed.tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 5)
-    return apply_tones(
-        drawn, [between_nodes(plane, width, height) for plane in np.moveaxis(coefficients, -1, 0)]
-    )
+    coefficients = patch.placed.tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6)
+    return apply_tones(drawn, [between_nodes(plane, width, height) for plane in tone_factors(coefficients)])
 
 
 def _draw(image: NDArray[np.uint8], at: NDArray[np.float32], interpolation: int) -> NDArray[np.uint8]:

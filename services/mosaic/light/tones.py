@@ -25,7 +25,7 @@ class ToneMap:
     height: int
 
     def at(self, flat: Points) -> NDArray[np.float32]:
-        """Factors of `apply_tones` (N, 5) at flat pixels (N, 2), bilinear; constant beyond the border."""
+        """Coefficients (N, 6) at flat pixels (N, 2), bilinear; constant beyond the border."""
         rows, columns = self.coefficients.shape[:2]
         x = ((flat[:, 0] + 0.5) * columns / self.width - 0.5).astype(np.float32)
         y = ((flat[:, 1] + 0.5) * rows / self.height - 0.5).astype(np.float32)
@@ -36,8 +36,14 @@ class ToneMap:
         c = self.coefficients
         upper = (1 - s) * c[j, i] + s * c[j, right]
         lower = (1 - s) * c[below, i] + s * c[below, right]
-        *gains, gain, slope, offset = ((1 - t) * upper + t * lower).T
-        return np.stack([*np.multiply(gains, gain), slope / gain, offset], axis=1).astype(np.float32)
+        return np.asarray((1 - t) * upper + t * lower, np.float32)
+
+
+def tone_factors(coefficients: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """Factors of `apply_tones`, five of (...), of the coefficients (..., 6) of a `ToneMap`: the gains of both steps are
+    one."""
+    *gains, gain, slope, offset = np.moveaxis(coefficients, -1, 0)
+    return [*(own * gain for own in gains), slope / gain, offset]
 
 
 def apply_tones(tile: RgbImage, factors: Sequence[NDArray[np.float32]]) -> RgbImage:
