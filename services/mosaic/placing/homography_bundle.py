@@ -263,8 +263,8 @@ def _normal_equations(
             # M = A_t^-1 A_s becomes (I - D_t) M (I + D_s), which is (I - D_t) (I + M D_s M^-1) M.
             B = (_motions(there) * (unit * root)[:, None, None]).reshape(-1, 9)
             inverse = np.linalg.inv(M)
-            moves = np.stack([np.outer(M[:, i], inverse[j]).ravel() for i, j in FREE], axis=1)
-            change = np.hstack([np.eye(9)[:, :8], -moves[ENTRIES]])
+            moves = (M[:, None, :, None] * inverse.T[None, :, None, :]).reshape(9, 9)  # of D, row by row
+            change = np.hstack([np.eye(9)[:, :8], -moves[ENTRIES][:, ENTRIES[:8]]])
             both = np.r_[8 * half.target : 8 * half.target + 8, 8 * half.source : 8 * half.source + 8]
             A[np.ix_(both, both)] += change.T @ (B.T @ B) @ change
             g[both] -= change.T @ (B.T @ (r * root[:, None]).ravel())
