@@ -13,7 +13,7 @@ from services.imaging.illumination import (
     enlarged,
     odd_size,
     reduced_copy,
-    small_background,
+    small_backgrounds,
 )
 
 TINTS_OF_LIGHT = (1.25, 1.5)
@@ -90,8 +90,9 @@ def measure_levels(image: RgbImage) -> Levels | None:
     parameters = NormalizationParameters()
     small, _ = reduced_copy(image, parameters.working_long_side_px)
     gray = luminance(small)
-    # Within the wide median of this background a picture varies, and paper does not.
-    background = small_background(gray, None, BackgroundParameters())
+    fine = BackgroundParameters(median_fraction=parameters.fine_median_fraction)
+    # Within the wide median of the first background a picture varies, and paper does not.
+    background, fine_background = small_backgrounds(gray, None, (BackgroundParameters(), fine))
     ground = enlarged(background, *gray.shape)
     share = cv2.divide(gray, ground, scale=200.0)  # 200: as light as its paper
     height, width = gray.shape
@@ -110,9 +111,7 @@ def measure_levels(image: RgbImage) -> Levels | None:
         return None
     printed &= level >= parameters.darkest_paper * np.quantile(level[printed], 0.9)
     accepted = _grow_paper(level, printed, is_even, parameters.paper_step)
-    fine = BackgroundParameters(median_fraction=parameters.fine_median_fraction)
-    background = small_background(gray, None, fine)
-    paper, is_accepted = _level_paper(background, level, accepted, parameters.paper_step)
+    paper, is_accepted = _level_paper(fine_background, level, accepted, parameters.paper_step)
     strongest = strongest_channel(small)
     weakest = 255 - strongest_channel(np.asarray(255 - small, dtype=np.uint8))
     is_neutral = (

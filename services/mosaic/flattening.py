@@ -166,13 +166,14 @@ def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float,
     """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
     p = FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
-    shown = _shown(photo, frame, p.rim_px)
+    nodes = photo_nodes(frame)
+    shown = _shown(photo, frame, nodes, p.rim_px)
     scales = _photo_px_per_flat_px(frame, shown)
     reduction = float(np.percentile(scales, FramingParameters().detail_percentile))
     gray = luminance(photo)
     usual = float(np.median(scales))
     factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
-    view = draw_gray_view(*reduce_exactly(gray, factor), frame)
+    view = draw_gray_view(*reduce_exactly(gray, factor), frame, nodes=nodes)
     flat_height_px = text_height_px / usual
     return FlatPhoto(
         index,
@@ -186,12 +187,11 @@ def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float,
     )
 
 
-def _shown(photo: RgbImage, frame: Frame, rim_px: float) -> Mask:
-    """Where the view shows the photo without its border."""
-    seen = photo_nodes(frame)
+def _shown(photo: RgbImage, frame: Frame, nodes: Floats, rim_px: float) -> Mask:
+    """Where the view shows the photo without its border; `nodes` are the view's `photo_nodes`."""
     middle = (np.array([photo.shape[1], photo.shape[0]]) - 1) / 2
-    within = middle - rim_px - np.abs(seen - middle)
-    within[~continuous_nodes(seen, MAX_REDUCTION)] = -FAR_PX
+    within = middle - rim_px - np.abs(nodes - middle)
+    within[~continuous_nodes(nodes, MAX_REDUCTION)] = -FAR_PX
     return positive_between(within, frame.width, frame.height)
 
 

@@ -33,11 +33,15 @@ BAND_PX = 16 * GRID_STEP_PX
 
 
 def draw_gray_view(
-    gray: GrayImage, factor: float | Vector, frame: Frame, origin: tuple[float, float] = (0.0, 0.0)
+    gray: GrayImage,
+    factor: float | Vector,
+    frame: Frame,
+    origin: tuple[float, float] = (0.0, 0.0),
+    nodes: Floats | None = None,
 ) -> GrayImage:
     """The view in gray, drawn from `gray`, the photo from pixel `origin` on, resized by `factor`; white outside.
 
-    `factor` may be one for each axis.
+    `factor` may be one for each axis; `nodes` are the view's `photo_nodes`, where they are known already.
     """
     if frame.H_photo_flat is not None:
         flat = cv2.warpPerspective(
@@ -49,7 +53,7 @@ def draw_gray_view(
         )
         return np.asarray(flat, np.uint8)
     view = np.full((frame.height, frame.width), 255, np.uint8)
-    to_gray = _BandMap(photo_nodes(frame) - origin, factor)
+    to_gray = _BandMap((photo_nodes(frame) if nodes is None else nodes) - origin, factor)
     for top in range(0, frame.height, BAND_PX):
         to_gray.draw(gray, top, cv2.INTER_LINEAR, view[top : top + BAND_PX])
     return view
