@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from services.arrays import Floats, Mask, RgbImage
+from services.arrays import Floats, GrayImage, Mask, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
@@ -131,7 +131,7 @@ def _judged(page: ShapedPage) -> FlatView:
 def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
     """The photo of `flat` in another view of its page, which is not the one that was found to be not flat."""
     assert flat.page is not None
-    again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight)
+    again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight, is_drawn=False)
     notices = tuple(notice for notice in flat.notices if notice.code != "not-flat")
     return replace(again, notices=notices, sheet=flat.sheet, page=flat.page)
 
@@ -162,24 +162,31 @@ def view_unchanged(flat: FlatPhoto) -> FlatPhoto:
     return view_photo(flat.index, flat.photo, as_it_is, text_height_px, flat.weight)
 
 
-def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float) -> FlatPhoto:
-    """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
+def view_photo(
+    index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float, *, is_drawn: bool = True
+) -> FlatPhoto:
+    """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels.
+
+    What has been registered in another view `is_drawn` there.
+    """
     p = FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
     nodes = photo_nodes(frame)
     shown = _shown(photo, frame, nodes, p.rim_px)
     scales = _photo_px_per_flat_px(frame, shown)
     reduction = float(np.percentile(scales, FramingParameters().detail_percentile))
-    gray = luminance(photo)
     usual = float(np.median(scales))
-    factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
-    view = draw_gray_view(*reduce_exactly(gray, factor), frame, nodes=nodes)
     flat_height_px = text_height_px / usual
+    gray: GrayImage = np.zeros((0, 0), np.uint8)
+    if is_drawn:
+        factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
+        view = draw_gray_view(*reduce_exactly(luminance(photo), factor), frame, nodes=nodes)
+        gray = flatten_illumination(view, flat_height_px)
     return FlatPhoto(
         index,
         photo,
         frame,
-        flatten_illumination(view, flat_height_px),
+        gray,
         shown,
         flat_height_px,
         1.0 / reduction,
