@@ -1,5 +1,6 @@
 """Uneven illumination: its estimation, and its removal for analysis."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -127,20 +128,29 @@ def small_background(
     gray: GrayImage, text_height_px: float | None, parameters: BackgroundParameters
 ) -> GrayImage:
     """Background on a copy of at most `GROUND_PX`."""
+    return small_backgrounds(gray, text_height_px, (parameters,))[0]
+
+
+def small_backgrounds(
+    gray: GrayImage, text_height_px: float | None, choices: Sequence[BackgroundParameters]
+) -> list[GrayImage]:
+    """Backgrounds as of `small_background`, one for each of some parameters, that share the closing."""
     small, factor = reduced_copy(gray, GROUND_PX)
     long_side = max(small.shape)
-    closing_px = PRINT_SHARE * long_side
-    median_px = parameters.median_fraction * long_side
-    if text_height_px is not None:
-        closing_px = text_height_px * factor  # strokes are at most about half as wide
-        median_px = parameters.median_text_heights * text_height_px * factor
     largest = min(255, 2 * long_side - 1)
+    # Strokes are at most about half as wide as the text is high.
+    closing_px = PRINT_SHARE * long_side if text_height_px is None else text_height_px * factor
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (odd_size(closing_px, 3, largest),) * 2)
-    background = cv2.medianBlur(
-        cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), odd_size(median_px, 3, largest)
-    )
-    floor = max(1, int(np.ceil(background.max() / parameters.largest_gain)))
-    return np.asarray(np.maximum(background, np.uint8(floor)), dtype=np.uint8)
+    closed = cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel)
+    found = []
+    for parameters in choices:
+        median_px = parameters.median_fraction * long_side
+        if text_height_px is not None:
+            median_px = parameters.median_text_heights * text_height_px * factor
+        background = cv2.medianBlur(closed, odd_size(median_px, 3, largest))
+        floor = max(1, int(np.ceil(background.max() / parameters.largest_gain)))
+        found.append(np.asarray(np.maximum(background, np.uint8(floor)), dtype=np.uint8))
+    return found
 
 
 def odd_size(size_px: float, least: int, most: int) -> int:

@@ -13,7 +13,7 @@ from services.imaging.illumination import (
     enlarged,
     odd_size,
     reduced_copy,
-    small_background,
+    small_backgrounds,
 )
 
 TINTS_OF_LIGHT = (1.25, 1.5)
@@ -90,8 +90,9 @@ def measure_levels(image: RgbImage) -> Levels | None:
     parameters = NormalizationParameters()
     small, _ = reduced_copy(image, parameters.working_long_side_px)
     gray = luminance(small)
-    # Within the wide median of this background a picture varies, and paper does not.
-    background = small_background(gray, None, BackgroundParameters())
+    fine = BackgroundParameters(median_fraction=parameters.fine_median_fraction)
+    # Within the wide median of the first background a picture varies, and paper does not.
+    background, fine_background = small_backgrounds(gray, None, (BackgroundParameters(), fine))
     ground = enlarged(background, *gray.shape)
     share = cv2.divide(gray, ground, scale=200.0)  # 200: as light as its paper
     height, width = gray.shape
@@ -110,9 +111,7 @@ def measure_levels(image: RgbImage) -> Levels | None:
         return None
     printed &= level >= parameters.darkest_paper * np.quantile(level[printed], 0.9)
     accepted = _grow_paper(level, printed, is_even, parameters.paper_step)
-    fine = BackgroundParameters(median_fraction=parameters.fine_median_fraction)
-    background = small_background(gray, None, fine)
-    paper, is_accepted = _level_paper(background, level, accepted, parameters.paper_step)
+    paper, is_accepted = _level_paper(fine_background, level, accepted, parameters.paper_step)
     strongest = strongest_channel(small)
     weakest = 255 - strongest_channel(np.asarray(255 - small, dtype=np.uint8))
     is_neutral = (
@@ -172,7 +171,7 @@ def _level_paper(
     found = background.astype(np.float32)
     is_paper = np.zeros((height, width), dtype=bool)
     for down, right in _NEIGHBOURS:
-        near = padded[np.ix_(rows + down - 1, columns + right - 1)]
+        near = padded[rows + down - 1].take(columns + right - 1, axis=1)
         is_paper |= np.abs(found - near) <= step * near
     weight = is_paper.astype(np.float32)
     paper = fill_unknown_levels(found, weight, max(height, width) / 32)
@@ -190,8 +189,9 @@ def _level_ink(
 ) -> NDArray[np.float32]:
     """Mode of ink as a share of its paper for every tile, from the printed tiles around it; 0: no ink."""
     bins = 32
-    y, x = np.nonzero(is_ink)
-    value = strongest[y, x].astype(np.int64) * bins // 256
+    at = np.flatnonzero(is_ink > 0)
+    y, x = np.divmod(at, is_ink.shape[1])
+    value = strongest.ravel()[at].astype(np.int64) * bins // 256
     row, column = y * printed.shape[0] // is_ink.shape[0], x * printed.shape[1] // is_ink.shape[1]
     tile = row * printed.shape[1] + column
     counts = np.bincount(tile * bins + value, minlength=printed.size * bins).reshape(*printed.shape, bins)
@@ -215,13 +215,17 @@ def fill_unknown_levels(
     """
     if not np.any(known):
         return np.zeros_like(values)
-    share, value = np.zeros_like(values), np.zeros_like(values)
-    weight = 1.0
-    while True:
-        size = (odd_size(window, 3, 4 * max(values.shape)),) * 2
-        share += weight * cv2.blur(known, size, borderType=cv2.BORDER_CONSTANT)
-        value += weight * cv2.blur(values * known, size, borderType=cv2.BORDER_CONSTANT)
-        if window > 2 * max(values.shape):
-            break
-        window, weight = 2 * window, weight / 100
+    side = odd_size(window, 3, 4 * max(values.shape))
+    share, value = cv2.split(_spread(np.dstack([known, values * known]), side))
     return np.asarray(np.where(known > 0, values, value / share), dtype=np.float32)
+
+
+def _spread(planes: NDArray[np.float32], side: int) -> NDArray[np.float32]:
+    """Means of `planes` (h, w, 2) over windows of `side` and, on copies half as large, over all that are wider."""
+    near = np.asarray(cv2.blur(planes, (side, side), borderType=cv2.BORDER_CONSTANT), np.float32)
+    height, width = planes.shape[:2]
+    if side > 2 * max(height, width):
+        return near
+    half = cv2.resize(planes, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
+    wider = _spread(np.asarray(half, np.float32), side)
+    return near + cv2.resize(wider, (width, height), interpolation=cv2.INTER_LINEAR) / np.float32(100)

@@ -1,18 +1,21 @@
 """Maps that are exact on a grid of nodes and bilinear between them."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, Points
+from services.arrays import Floats, Mask, Points
 
 GRID_STEP_PX = 16
 """A page's map is exact at every 16th output pixel: one that bends with a radius of a thousand pixels is then drawn
 within 0.03 pixels."""
 MAX_REDUCTION = 12.0
 """Most photo pixels per pixel of a page along one axis: a page needs fewer."""
+TILE_NODES = 16
+"""Nodes of the grid along the side of a tile in which the place is sought where values between them become negative."""
 _NO_SECOND_MAP: Any = None
 """OpenCV's own annotations demand one; an empty array is not the same, it gives wrong values."""
 
@@ -36,6 +39,35 @@ def between_nodes(nodes: NDArray[np.float32], width: int, height: int) -> NDArra
     dense = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)
     # The first node is half a step before the rectangle, and values begin half a step before the first node.
     return np.asarray(dense[GRID_STEP_PX:, GRID_STEP_PX:][:height, :width], np.float32)
+
+
+def negative_tiles(
+    nodes: NDArray[np.float32], width: int, height: int
+) -> Iterator[tuple[tuple[slice, slice], Mask | None]]:
+    """Tiles of the rectangle with negative values between `nodes` (rows, columns): rows and columns of each, and where.
+
+    None: everywhere. Most tiles lie wholly on one side of 0, and need no values between the nodes.
+    """
+    step = TILE_NODES * GRID_STEP_PX
+    for top in range(0, height, step):
+        for left in range(0, width, step):
+            row, column = top // GRID_STEP_PX, left // GRID_STEP_PX
+            near = nodes[row : row + TILE_NODES + 2, column : column + TILE_NODES + 2]
+            tile = slice(top, min(top + step, height)), slice(left, min(left + step, width))
+            if near.max() < 0:
+                yield tile, None
+            elif near.min() < 0:
+                size = tile[1].stop - left, tile[0].stop - top
+                yield tile, np.asarray(between_nodes(near, *size) < 0)
+
+
+def positive_between(nodes: Floats, width: int, height: int) -> Mask:
+    """Where none of the K values between `nodes` (rows, columns, K) is negative, at the rectangle's pixels."""
+    positive = np.ones((height, width), bool)
+    for values in np.moveaxis(nodes.astype(np.float32), -1, 0):
+        for tile, where in negative_tiles(values, width, height):
+            positive[tile][... if where is None else where] = False
+    return positive
 
 
 def take_values(

@@ -32,9 +32,11 @@ def find_duplicates(photos: Sequence[RgbImage], preferred: int | None = None) ->
     """
     order = sorted(range(len(photos)), key=lambda index: (index != preferred, index))
     thumbnails = [
-        cv2.resize(luminance(photo), (THUMBNAIL_PX, THUMBNAIL_PX), interpolation=cv2.INTER_AREA).astype(
-            np.float32
-        )
+        cv2.resize(
+            luminance(reduce_image(photo, 1 / 4, fine=False)),
+            (THUMBNAIL_PX, THUMBNAIL_PX),
+            interpolation=cv2.INTER_AREA,
+        ).astype(np.float32)
         for photo in photos
     ]
     prints: dict[int, _Print] = {}

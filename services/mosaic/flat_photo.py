@@ -48,7 +48,8 @@ class FlatPhoto:
     index : index in the upload.
     photo : (H, W, 3).
     frame : flat pixels -> photo pixels.
-    gray : (frame.height, frame.width) view in gray, flat-fielded: bare paper is 255.
+    gray : (frame.height, frame.width) view in gray, flat-fielded: bare paper is 255. Only registration asks for it; a
+        view that replaces a registered one has none, (0, 0).
     shown : (frame.height, frame.width), true where the view shows the page.
     text_height_px : typical size of a character, in flat pixels.
     native_scale : flat pixels per photo pixel where the photo has most detail (below 1: the view is reduced).

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from services.arrays import Floats, GrayImage, Mask, RgbImage
@@ -12,6 +11,7 @@ from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame, FramingParameters, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
+from services.imaging.node_grid import MAX_REDUCTION, continuous_nodes, positive_between
 from services.imaging.reduction import LARGEST_STEP, reduce_exactly, reduce_image
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
 from services.notices import Notice
@@ -20,7 +20,7 @@ from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.pipeline import find_page
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.drawing import draw_gray_view
+from services.rectify.view.drawing import FAR_PX, draw_gray_view, photo_nodes
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.judged_view import is_flatter
 from services.rectify.view.paper_end import PaperEnd, find_paper_end
@@ -131,7 +131,7 @@ def _judged(page: ShapedPage) -> FlatView:
 def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
     """The photo of `flat` in another view of its page, which is not the one that was found to be not flat."""
     assert flat.page is not None
-    again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight)
+    again = view_photo(flat.index, flat.photo, frame, flat.page.text_height_px, flat.weight, is_drawn=False)
     notices = tuple(notice for notice in flat.notices if notice.code != "not-flat")
     return replace(again, notices=notices, sheet=flat.sheet, page=flat.page)
 
@@ -162,23 +162,31 @@ def view_unchanged(flat: FlatPhoto) -> FlatPhoto:
     return view_photo(flat.index, flat.photo, as_it_is, text_height_px, flat.weight)
 
 
-def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float) -> FlatPhoto:
-    """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels."""
+def view_photo(
+    index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float, *, is_drawn: bool = True
+) -> FlatPhoto:
+    """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels.
+
+    What has been registered in another view `is_drawn` there.
+    """
     p = FlatteningParameters()
     frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
-    shown = _shown(photo, frame, p.rim_px)
+    nodes = photo_nodes(frame)
+    shown = _shown(photo, frame, nodes, p.rim_px)
     scales = _photo_px_per_flat_px(frame, shown)
     reduction = float(np.percentile(scales, FramingParameters().detail_percentile))
-    gray = luminance(photo)
     usual = float(np.median(scales))
-    factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
-    view = draw_gray_view(*reduce_exactly(gray, factor), frame)
     flat_height_px = text_height_px / usual
+    gray: GrayImage = np.zeros((0, 0), np.uint8)
+    if is_drawn:
+        factor = 1.0 / usual if usual > LARGEST_STEP else 1.0
+        view = draw_gray_view(*reduce_exactly(luminance(photo), factor), frame, nodes=nodes)
+        gray = flatten_illumination(view, flat_height_px)
     return FlatPhoto(
         index,
         photo,
         frame,
-        flatten_illumination(view, flat_height_px),
+        gray,
         shown,
         flat_height_px,
         1.0 / reduction,
@@ -186,12 +194,12 @@ def view_photo(index: int, photo: RgbImage, frame: Frame, text_height_px: float,
     )
 
 
-def _shown(photo: RgbImage, frame: Frame, rim_px: float) -> Mask:
-    """Where the view shows the photo without its border."""
-    black: GrayImage = np.zeros(photo.shape[:2], np.uint8)
-    rim = int(np.ceil(rim_px))
-    cv2.rectangle(black, (0, 0), (photo.shape[1] - 1, photo.shape[0] - 1), (255,), rim)
-    return np.asarray(draw_gray_view(black, 1.0, frame) == 0)
+def _shown(photo: RgbImage, frame: Frame, nodes: Floats, rim_px: float) -> Mask:
+    """Where the view shows the photo without its border; `nodes` are the view's `photo_nodes`."""
+    middle = (np.array([photo.shape[1], photo.shape[0]]) - 1) / 2
+    within = middle - rim_px - np.abs(nodes - middle)
+    within[~continuous_nodes(nodes, MAX_REDUCTION)] = -FAR_PX
+    return positive_between(within, frame.width, frame.height)
 
 
 def _photo_px_per_flat_px(frame: Frame, shown: Mask, step: int = 40) -> Floats:

@@ -11,11 +11,10 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import to_resized
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
-from services.imaging.node_grid import MAX_REDUCTION, between_nodes, continuous_nodes, node_grid
+from services.imaging.node_grid import MAX_REDUCTION, between_nodes, continuous_nodes, node_grid, take_values
 from services.imaging.paper import PaperParameters, model_paper
 from services.imaging.reduction import reduce_image
 from services.mosaic.flat_photo import FlatPhoto
-from services.mosaic.photo_graph import is_shown
 from services.mosaic.placed_photo import PlacedPhoto
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.view.outside_text import is_outside_text, of_text_height
@@ -95,40 +94,36 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
     p = PageCroppingParameters()
     factor = min(1.0, p.long_side_px / max(width, height))
     columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
-    x, y = np.meshgrid((np.arange(columns) + 0.5) * width / columns, (np.arange(rows) + 0.5) * height / rows)
-    grid = np.stack([x, y], axis=-1).reshape(-1, 2) - 0.5
-    votes, views = np.zeros((2, len(grid)), np.int16), []
+    nodes, shape = node_grid(0, 0, columns, rows)
+    mosaic = (nodes + 0.5) * (width / columns, height / rows) - 0.5
+    votes, views = np.zeros((2, rows, columns), np.int16), []
     for photo in placed:
-        flat = photo.placement.to_flat(grid)
-        shown = np.flatnonzero(is_shown(photo.flat, flat))
-        at = _in_photo(photo, columns, rows, width / columns, height / rows)[shown]
-        beyond = np.isnan(at).any(axis=1)  # next to where the sheet's model ends
-        at[beyond] = photo.flat.to_photo(flat[shown[beyond]])
-        view = np.zeros((len(grid), 3), np.uint8)
-        view[shown] = _colours(photo.flat.photo, at, p)
-        views.append(view.reshape(rows, columns, 3))
-        on_sheet = _on_sheet(photo.flat, at, p)
-        votes[0, shown] += 1
-        votes[1, shown[on_sheet]] += 2
-    seen = (votes[0] > 0).reshape(rows, columns)
-    paper = np.asarray(seen & (votes[1] >= votes[0]).reshape(rows, columns))
+        # Exact at the nodes of a grid: between them the maps bend by less than a cell.
+        nodes_flat = photo.placement.to_flat(mosaic)
+        nodes_photo = photo.flat.to_photo(nodes_flat).reshape(*shape, 2)
+        nodes_photo[~continuous_nodes(nodes_photo, MAX_REDUCTION * max(width / columns, height / rows))] = (
+            np.nan
+        )
+        flat, at = (
+            between_nodes(places.reshape(*shape, 2).astype(np.float32), columns, rows)
+            for places in (nodes_flat, nodes_photo)
+        )
+        shown = _take_nearest(photo.flat.shown.view(np.uint8), flat, cv2.BORDER_CONSTANT) > 0
+        beyond = shown & np.isnan(at).any(axis=2)  # next to where the sheet's model ends
+        if beyond.any():
+            at[beyond] = photo.flat.to_photo(flat[beyond].astype(np.float64))
+        view = _take_nearest(*_blank_photo(photo.flat.photo, at, p), cv2.BORDER_REPLICATE)
+        views.append(np.where(shown[..., None], np.maximum(view, 1), 0).astype(np.uint8))
+        votes[0] += shown
+        votes[1] += 2 * (shown & _on_sheet(photo.flat, at, p))
+    seen = votes[0] > 0
+    paper = np.asarray(seen & (votes[1] >= votes[0]))
     return PageCells(seen, paper, tuple(views), all(_is_page(photo.flat) for photo in placed))
 
 
 def _is_page(photo: FlatPhoto) -> bool:
     """Whether a photo is the page itself, and no sheet is seen within it."""
     return photo.page is not None and isinstance(photo.page.shape, PhotoAsPage) and photo.sheet is None
-
-
-def _in_photo(photo: PlacedPhoto, columns: int, rows: int, across: float, down: float) -> Points:
-    """Photo pixels (rows * columns, 2) of cells of `across` x `down` mosaic pixels; NaN next to where there are none.
-
-    Exact at the nodes of a grid: between them the map bends by less than a cell.
-    """
-    nodes, shape = node_grid(0, 0, columns, rows)
-    seen = photo.to_photo((nodes + 0.5) * (across, down) - 0.5).reshape(*shape, 2)
-    seen[~continuous_nodes(seen, MAX_REDUCTION * max(across, down))] = np.nan
-    return between_nodes(seen.astype(np.float32), columns, rows).reshape(-1, 2).astype(np.float64)
 
 
 def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:
@@ -176,27 +171,29 @@ def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:
     return part
 
 
-def _on_sheet(photo: FlatPhoto, points: Points, p: PageCroppingParameters) -> NDArray[np.bool_]:
-    """Which photo pixels (N, 2) lie on the sheet; all if its edge is not visible."""
+def _on_sheet(photo: FlatPhoto, at: NDArray[np.float32], p: PageCroppingParameters) -> Mask:
+    """Which photo pixels `at` (h, w, 2) lie on the sheet; all if its edge is not visible."""
     if photo.sheet is None:
-        return np.ones(len(points), bool)
+        return np.ones(at.shape[:2], bool)
     height, width = photo.photo.shape[:2]
     factor = min(1.0, p.long_side_px / max(width, height))
     inside = np.zeros((round(height * factor) + 1, round(width * factor) + 1), np.uint8)
     cv2.fillPoly(inside, [np.round(to_resized(photo.sheet, factor)).astype(np.int32)], (1,))
-    at = np.round(to_resized(points, factor)).astype(int)
-    at = np.clip(at, 0, np.array(inside.shape[::-1]) - 1)
-    return np.asarray(inside[at[:, 1], at[:, 0]] > 0)
+    return np.asarray(_take_nearest(inside, to_resized(at, factor), cv2.BORDER_REPLICATE) > 0)
 
 
-def _colours(photo: RgbImage, points: Points, p: PageCroppingParameters) -> NDArray[np.uint8]:
-    """Background colours (N, 3) of a photo at `points` (N, 2), never fully black."""
+def _blank_photo(
+    photo: RgbImage, at: NDArray[np.float32], p: PageCroppingParameters
+) -> tuple[RgbImage, NDArray[np.float32]]:
+    """The photo, reduced and without print, and the places there of its pixels `at` (h, w, 2)."""
     factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
     kernel = np.ones((p.closing, p.closing), np.uint8)
     blank = cv2.morphologyEx(reduce_image(photo, factor, fine=False), cv2.MORPH_CLOSE, kernel)
-    last = np.array(blank.shape[1::-1]) - 1
-    at = np.clip(np.round(to_resized(points, factor)).astype(int), 0, last)
-    return np.asarray(np.maximum(blank[at[:, 1], at[:, 0]], 1), np.uint8)
+    return np.asarray(blank, np.uint8), to_resized(at, factor)
+
+
+def _take_nearest(image: NDArray[np.uint8], at: NDArray[np.float32], border: int) -> NDArray[np.uint8]:
+    return np.asarray(take_values(image, np.asarray(at, np.float32), cv2.INTER_NEAREST, border), np.uint8)
 
 
 def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tuple[Mask, list[Points]]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from services.arrays import Floats, Homography, Mask, Points
+from services.arrays import Floats, Homography, Points, Vector
 from services.geometry.homographies import denominators, transform_points
 from services.geometry.page_frame import fill_unknown, turn_against_photo, turn_as_in_photo
 from services.mosaic.flat_photo import FlatPhoto
@@ -12,6 +12,8 @@ COLUMNS, ROWS = 49, 65
 """Nodes across and down a photo."""
 MOST_BETWEEN_PX = 2.0
 """Gently bent pages have at most 0.7, photos with the steep edge of a wave 3 to 1800."""
+LOOKED_AT = 4
+"""Every fourth row and column is looked at for that: an edge of a sheet crosses many."""
 _STEP_PX = 8.0
 """To each side of a photo's middle, where the turn of the page against it is measured."""
 LARGEST_REACH = 3.0
@@ -26,22 +28,30 @@ def mesh_of_patch(photo: FlatPhoto, placement: Placement) -> Floats:
     """
     height, width = photo.photo.shape[:2]
     x, y = np.linspace(0, width - 1, 2 * COLUMNS - 1), np.linspace(0, height - 1, 2 * ROWS - 1)
+    mesh, shown = _nodes(photo, placement, x[::2], y[::2])
+    across = _nodes(photo, placement, x[1::2], y[:: 2 * LOOKED_AT])[1]
+    down = _nodes(photo, placement, x[:: 2 * LOOKED_AT], y[1::2])[1]
+    off = max(
+        _off_between(shown[::LOOKED_AT], across),
+        _off_between(shown[:, ::LOOKED_AT].swapaxes(0, 1), down.swapaxes(0, 1)),
+    )
+    return fill_unknown(_nodes(photo, placement, x, y)[0] if off > MOST_BETWEEN_PX else mesh)
+
+
+def _nodes(photo: FlatPhoto, placement: Placement, x: Vector, y: Vector) -> tuple[Floats, Floats]:
+    """Mosaic points (rows, columns, 2) of photo pixels in columns `x` and rows `y`; the same, NaN beyond the view."""
     flat = flat_points(photo, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-    mesh = placement.to_mosaic(flat).reshape(len(y), len(x), 2)
+    mosaic = placement.to_mosaic(flat)
     with np.errstate(invalid="ignore"):
-        inside = ((flat >= 0) & (flat <= np.array(photo.size) - 1)).all(axis=1).reshape(len(y), len(x))
-    fine = _off_between(mesh, inside) > MOST_BETWEEN_PX
-    return fill_unknown(mesh if fine else mesh[::2, ::2])
+        shown = ((flat >= 0) & (flat <= np.array(photo.size) - 1)).all(axis=1, keepdims=True)
+    shape = len(y), len(x), 2
+    return mosaic.reshape(shape), np.where(shown, mosaic, np.nan).reshape(shape)
 
 
-def _off_between(mesh: Floats, inside: Mask) -> float:
-    """How far the middle between every second node of the page is from the node there, along rows and columns."""
-    largest = 0.0
-    for nodes, known in ((mesh[::2], inside[::2]), (mesh[:, ::2].swapaxes(0, 1), inside[:, ::2].T)):
-        off = np.linalg.norm(nodes[:, 1::2] - 0.5 * (nodes[:, :-2:2] + nodes[:, 2::2]), axis=2)
-        asked = known[:, 1::2] & known[:, :-2:2] & known[:, 2::2]
-        largest = max(largest, float(off[asked].max(initial=0.0)))
-    return largest
+def _off_between(nodes: Floats, middles: Floats) -> float:
+    """How far `middles` (n, m - 1, 2) are at most from half-way between the `nodes` (n, m, 2) beside them."""
+    off = np.linalg.norm(middles - 0.5 * (nodes[:, :-1] + nodes[:, 1:]), axis=2)
+    return float(np.nanmax(off, initial=0.0))
 
 
 def turn_as_in_patch(photo: FlatPhoto, placement: Placement, H_page_mosaic: Homography) -> int:

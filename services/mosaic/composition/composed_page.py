@@ -110,7 +110,7 @@ def _draw_tile(
     tile: Rectangle,
     into: RgbImage,
 ) -> None:
-    """Draw one tile. Only the part of a photo with a positive weight is drawn."""
+    """Draw the weighted mean in one tile. Only the part of a photo with a positive weight is drawn."""
     parts = []
     for patch, box, weight in zip(patches, boxes, weights, strict=True):
         part = _weighted_part(box, weight, grid.cells(tile))
@@ -123,23 +123,11 @@ def _draw_tile(
         share = _enlarge(box, weight, part, grid, pixels)
         share[found.covered == 0] = 0
         parts.append((draw_patch(patch, found), share, pixels.within(tile)))
-    if len(parts) == 1:
-        drawn, share, at = parts[0]
-        into[at] = cv2.copyTo(drawn, _positive(share), into[at])
-    elif parts:
-        _mix_parts(parts, into)
-
-
-def _mix_parts(parts: Sequence[tuple[RgbImage, FloatMap, tuple[slice, slice]]], into: RgbImage) -> None:
-    """Draw the mean of `parts`, weighted by their shares, where these are positive; each has its place in `into`."""
     total = np.zeros(into.shape[:2], np.float32)
-    for _, share, at in parts:
+    for number, (drawn, share, at) in enumerate(parts):
+        mixed = cv2.blendLinear(into[at], drawn, total[at], share) if number else drawn
+        into[at] = cv2.copyTo(mixed, _positive(share), into[at])
         total[at] += share
-    mean = np.zeros(into.shape, np.float32)
-    for drawn, share, at in parts:
-        relative = share / np.maximum(total[at], np.float32(1e-6))
-        mean[at] += cv2.multiply(drawn, cv2.merge([relative] * 3), dtype=cv2.CV_32F)
-    into[:] = cv2.copyTo(cv2.convertScaleAbs(mean), _positive(total), into)
 
 
 def _positive(values: FloatMap) -> GrayImage:

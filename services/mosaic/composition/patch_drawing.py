@@ -10,22 +10,17 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import to_resized
 from services.imaging.node_grid import (
-    GRID_STEP_PX,
     MAX_REDUCTION,
     between_nodes,
     continuous_nodes,
     node_grid,
+    positive_between,
     take_values,
 )
 from services.imaging.reduction import LARGEST_STEP
 from services.mosaic.light.canvas import OUTSIDE_PX, RIM_PX
-from services.mosaic.light.tones import apply_tones
+from services.mosaic.light.tones import apply_tones, tone_factors
 from services.mosaic.placed_photo import PlacedPhoto
-
-MARGIN_STEPS = 1.5
-"""Margin within the shown part, steps of the map's grid: interpolation reaches one node beyond a pixel."""
-KNOWN = 0.999
-"""Weight, interpolated between nodes, from which all nodes around a pixel are known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +64,6 @@ class DrawablePatch:
     source : (h, w, 3) photo, reduced by area averages if it has more detail than the mosaic.
     factor : source pixels per photo pixel, 0-1.
     box : rectangle of the page that contains all that the photo shows.
-    shown : (height, width) of the flat view, 255 where it shows the page.
-    well_shown : `shown` without a border of slightly more than one step of the node grid.
     is_toned : whether its tones change any colour.
     """
 
@@ -78,8 +71,6 @@ class DrawablePatch:
     source: RgbImage
     factor: float
     box: Rectangle
-    shown: GrayImage
-    well_shown: GrayImage
     is_toned: bool = True
 
 
@@ -102,7 +93,7 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
     shown = np.asarray(placed.flat.shown, np.uint8) * np.uint8(255)
     points = _outline(shown)
     if len(points) == 0:
-        return DrawablePatch(placed, placed.flat.photo, 1.0, Rectangle(0, 0, 0, 0), shown, shown)
+        return DrawablePatch(placed, placed.flat.photo, 1.0, Rectangle(0, 0, 0, 0))
     mosaic = placed.placement.to_mosaic(points)
     low = np.floor(np.clip(mosaic.min(axis=0), 0, [width, height])).astype(int)
     high = np.ceil(np.clip(mosaic.max(axis=0) + 1, 0, [width, height])).astype(int)
@@ -114,13 +105,8 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
     if factor < 1.0:
         size = (max(round(source.shape[1] * factor), 1), max(round(source.shape[0] * factor), 1))
         source = np.asarray(cv2.resize(source, size, interpolation=cv2.INTER_AREA), np.uint8)
-    step = float(np.nan_to_num(_enlargement(placed.placement.to_flat, inside)).max()) * GRID_STEP_PX
-    side = 2 * int(np.ceil(min(MARGIN_STEPS * step, float(max(shown.shape))))) + 1
-    well_shown = cv2.erode(
-        shown, np.ones((side, side), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
-    )
     is_toned = bool((placed.tones.coefficients != np.array([1, 1, 1, 1, 0, 0], np.float32)).any())
-    return DrawablePatch(placed, source, factor, box, shown, np.asarray(well_shown, np.uint8), is_toned)
+    return DrawablePatch(placed, source, factor, box, is_toned)
 
 
 def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
@@ -133,21 +119,22 @@ def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
     known &= np.isfinite(flat).all(axis=1).reshape(shape)
     if not known.any():
         return None
-    photo_size = np.array([patch.placed.flat.photo.shape[1], patch.placed.flat.photo.shape[0]])
-    safe_flat = np.where(known.reshape(-1, 1), flat, OUTSIDE_PX).astype(np.float32)
-    source_size = np.array([patch.source.shape[1], patch.source.shape[0]])
-    scale = source_size / photo_size
+    photo_size, flat_size = np.array(patch.placed.flat.photo.shape[1::-1]), np.array(patch.placed.flat.size)
+    scale = np.array(patch.source.shape[1::-1]) / photo_size
     source_nodes = to_resized(np.where(known.reshape(-1, 1), photo, OUTSIDE_PX), scale)
     source = between_nodes(source_nodes.reshape(*shape, 2).astype(np.float32), width, height)
-    with np.errstate(invalid="ignore"):
-        inside = ((photo >= RIM_PX) & (photo <= photo_size - 1 - RIM_PX)).all(axis=1)
-    well = inside & (_look_up(patch.well_shown, safe_flat[:, None]).ravel() > 0) & known.ravel()
-    if well.all():
-        covered = np.full((height, width), 255, np.uint8)
-    else:
-        covered = _cover(patch, source, safe_flat.reshape(*shape, 2), known, scale)
-        if not covered.any():
-            return None
+    # Distances from the photo's border and, to the ends of its pixels, from that of the flat view.
+    inside = np.hstack(
+        [
+            (photo_size - 1) / 2 - RIM_PX - np.abs(photo - (photo_size - 1) / 2),
+            flat_size / 2 - np.abs(flat - (flat_size - 1) / 2),
+        ]
+    ).reshape(*shape, 4)
+    inside[~known] = OUTSIDE_PX
+    shown = positive_between(inside, width, height)
+    if not shown.any():
+        return None
+    covered = shown.view(np.uint8) * np.uint8(255)
     return PatchMap(source, covered, np.where(np.isfinite(flat), flat, 0.0), shape)
 
 
@@ -165,41 +152,13 @@ def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
     if not patch.is_toned:
         return drawn
     height, width = drawn.shape[:2]
-    coefficients = np.moveaxis(
-        patch.placed.tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6), -1, 0
-    )
-    return apply_tones(drawn, [between_nodes(plane, width, height) for plane in coefficients])
-
-
-def _cover(
-    patch: DrawablePatch,
-    source: NDArray[np.float32],
-    flat_nodes: NDArray[np.float32],
-    known: NDArray[np.bool_],
-    scale: NDArray[np.float64],
-) -> GrayImage:
-    """Mask of pixels where the photo, without its border, shows the page."""
-    height, width = source.shape[:2]
-    photo_height, photo_width = patch.placed.flat.photo.shape[:2]
-    low = (RIM_PX + 0.5) * scale - 0.5
-    high = (np.array([photo_width, photo_height]) - 0.5 - RIM_PX) * scale - 0.5
-    covered = cv2.inRange(source, low, high)
-    shown = _look_up(patch.shown, between_nodes(flat_nodes, width, height))
-    cv2.bitwise_and(covered, shown, dst=covered)
-    if not known.all():
-        share = between_nodes(known.astype(np.float32), width, height)
-        cv2.bitwise_and(covered, cv2.inRange(share, KNOWN, np.inf), dst=covered)
-    return np.asarray(covered, np.uint8)
+    coefficients = patch.placed.tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6)
+    return apply_tones(drawn, [between_nodes(plane, width, height) for plane in tone_factors(coefficients)])
 
 
 def _draw(image: NDArray[np.uint8], at: NDArray[np.float32], interpolation: int) -> NDArray[np.uint8]:
     """Values of `image` at pixels `at` (H, W, 2)."""
     return np.asarray(take_values(image, at, interpolation, cv2.BORDER_REPLICATE), np.uint8)
-
-
-def _look_up(mask: GrayImage, at: NDArray[np.float32]) -> GrayImage:
-    """Values (H, W) of `mask` at flat pixels `at` (H, W, 2), 0 outside of it."""
-    return np.asarray(take_values(mask, at, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT), np.uint8)
 
 
 def _outline(shown: GrayImage) -> Points:

@@ -165,8 +165,9 @@ def _squared_gradient(gray: GrayImage, size: tuple[int, int]) -> FloatMap:
     """
     means = []
     for x, y in ((1, 0), (0, 1)):
-        slope = np.ascontiguousarray(cv2.Sobel(gray, cv2.CV_32F, x, y, scale=1 / 8)[1:-1, 1:-1])
-        means.append(cv2.resize(cv2.multiply(slope, slope), size, interpolation=cv2.INTER_AREA))
+        slope = cv2.Sobel(gray, cv2.CV_16S, x, y)[1:-1, 1:-1]
+        squared = cv2.multiply(slope, slope, scale=1 / 64, dtype=cv2.CV_32F)
+        means.append(cv2.resize(squared, size, interpolation=cv2.INTER_AREA))
     return np.asarray(cv2.merge(means), np.float32)
 
 
@@ -186,15 +187,16 @@ def _relate_to_paper(
     smooth = _average(paper * weight, window) / np.maximum(_average(weight, window), 1e-3)
     smooth = np.maximum(smooth, 1.0).astype(np.float32)
     relative = gray / smooth
-    energy = np.where(shown[..., None], energy / np.square(smooth)[..., None], 0).astype(np.float32)
+    relative_energy = cv2.divide(energy, cv2.merge([np.square(smooth)] * 2))
+    energy = np.asarray(cv2.copyTo(relative_energy, shown.view(np.uint8)), np.float32)
     near = np.ones((2 * round(0.5 * text_height) + 1,) * 2, np.uint8)
     contrast = np.where(shown, 1 - relative, 0).astype(np.float32)
     dark = _strength(contrast, near, INK_CONTRAST, INK_SHARE)
     bare = shown & (relative > 1 - 0.5 * INK_CONTRAST)
-    noise = np.median(energy[bare], axis=0) if bare.any() else np.zeros(2)
-    least = max(INK_GRADIENT, NOISE_FACTOR * float(np.sqrt(noise.sum())))
-    ink = cv2.max(dark, _strength(np.sqrt(energy.sum(axis=2)), near, least, INK_SHARE))
-    without_noise = np.maximum(energy - noise.astype(np.float32), 0)
+    noise = [float(np.median(plane[bare])) if bare.any() else 0.0 for plane in cv2.split(energy)]
+    least = max(INK_GRADIENT, NOISE_FACTOR * sum(noise) ** 0.5)
+    ink = cv2.max(dark, _strength(np.sqrt(energy[..., 0] + energy[..., 1]), near, least, INK_SHARE))
+    without_noise = np.maximum(energy - np.array(noise, np.float32), 0)
     # Outside of its box the photo shows nothing; outside of the page nothing is needed.
     inset = cv2.distanceTransform(np.pad(shown.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
     return PatchMaps(box, covered, np.asarray(ink, np.uint8), without_noise, np.ascontiguousarray(inset))

@@ -1,6 +1,6 @@
 """Reduced views of photos in the mosaic's frame, to compare their light."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -107,42 +107,46 @@ def draw_on_canvas(
 ) -> CanvasView:
     """View of `photo` in `box` of the canvas."""
     left, top, right, bottom = box
-    corner = np.array([left, top])
-    image, shown = draw_reduced(
-        photo, lambda p: placement.to_flat(canvas.to_mosaic(p + corner)), right - left, bottom - top
-    )
-    padded = np.pad(shown.astype(np.uint8), 1)
+    width, height = right - left, bottom - top
+    nodes, shape = node_grid(left, top, width, height)
+    flat = placement.to_flat(canvas.to_mosaic(nodes))
+    image, within = draw_reduced(photo, flat, width, height)
+    places = between_nodes(flat.reshape(*shape, 2).astype(np.float32), width, height)
+    on_page = take_values(photo.shown.view(np.uint8), places, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
+    shown = without_rim(within, np.asarray(on_page, np.uint8))
+    padded = np.pad(shown.view(np.uint8), 1)
     feather = cv2.distanceTransform(padded, cv2.DIST_L2, 3)[1:-1, 1:-1]
     return CanvasView(left, top, image.astype(np.float32), shown, np.asarray(feather, np.float32))
 
 
 def draw_reduced(
-    photo: FlatPhoto, to_flat: Callable[[Points], Points], width: int, height: int
-) -> tuple[RgbImage, Mask]:
-    """A small view (height, width, 3) of `photo`, whose pixel p shows flat pixel `to_flat(p)`, and the mask of shown
-    pixels.
+    photo: FlatPhoto, flat_nodes: Points, width: int, height: int
+) -> tuple[RgbImage, NDArray[np.uint8]]:
+    """A small view (height, width, 3) of `photo`, whose nodes show the flat pixels `flat_nodes` (N, 2), and a mask of
+    what lies within the photo, 0 elsewhere.
 
     The photo is first reduced by area averages to the view's resolution, to avoid aliasing.
     """
-    nodes, (rows, columns) = node_grid(0, 0, width, height)
-    flat = to_flat(nodes)
-    seen = photo.to_photo(flat).reshape(rows, columns, 2)
-    flat = flat.reshape(rows, columns, 2)
+    _, (rows, columns) = node_grid(0, 0, width, height)
+    seen = photo.to_photo(flat_nodes).reshape(rows, columns, 2)
     seen = np.where(np.isfinite(seen).all(axis=-1, keepdims=True), seen, OUTSIDE_PX)
     steps = np.linalg.norm(np.diff(seen, axis=1), axis=-1)
     within = _inside(seen[:, 1:], photo.photo.shape) & _inside(seen[:, :-1], photo.photo.shape)
     step = float(np.median(steps[within])) / GRID_STEP_PX if within.any() else 1.0
     factor = min(1.0, 1.0 / max(step, 1e-6))
     source = reduce_image(photo.photo, factor, fine=False)
-    ratio = np.array([source.shape[1] / photo.photo.shape[1], source.shape[0] / photo.photo.shape[0]])
+    size = np.array(source.shape[1::-1])
+    ratio = size / photo.photo.shape[1::-1]
     dense = between_nodes(to_resized(seen, ratio).astype(np.float32), width, height)
     image = take_values(source, dense, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
-    flat_places = between_nodes(flat.astype(np.float32), width, height)
-    on_page = take_values(photo.shown.view(np.uint8), flat_places, cv2.INTER_NEAREST, cv2.BORDER_CONSTANT)
-    shown = (on_page > 0) & _inside(dense, source.shape)
+    return np.asarray(image, np.uint8), np.asarray(cv2.inRange(dense, np.zeros(2), size - 1.0), np.uint8)
+
+
+def without_rim(within: NDArray[np.uint8], on_page: NDArray[np.uint8]) -> Mask:
+    """What of a view lies `within` the photo and `on_page` (h, w), without a border that mixes with the outside."""
     rim = np.ones((2 * RIM_PX + 1,) * 2, np.uint8)
-    shown = cv2.erode(shown.astype(np.uint8), rim, borderType=cv2.BORDER_REPLICATE) > 0
-    return np.asarray(image, np.uint8), np.asarray(shown)
+    both = cv2.copyTo(within, on_page)
+    return np.asarray(cv2.erode(both, rim, borderType=cv2.BORDER_REPLICATE) > 0)
 
 
 def _inside(points: Floats | FloatImage, shape: tuple[int, ...]) -> Mask:

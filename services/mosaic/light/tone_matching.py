@@ -17,7 +17,7 @@ from services.imaging.levels import (
     measure_levels,
     neutral_gains,
 )
-from services.imaging.node_grid import take_values
+from services.imaging.node_grid import node_grid, take_values
 from services.imaging.pictures import find_pictures, levels_beside_pictures
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.canvas import (
@@ -28,6 +28,7 @@ from services.mosaic.light.canvas import (
     draw_on_canvas,
     draw_reduced,
     frame_canvas,
+    without_rim,
 )
 from services.mosaic.light.hidden_parts import (
     HiddenCells,
@@ -302,10 +303,12 @@ def _gray_paper_view(photo: FlatPhoto, gain: FloatImage, measured: FloatImage) -
     width, height = photo.size
     factor = min(1.0, NormalizationParameters().working_long_side_px / max(width, height))
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
-    ratio = np.array([width / size[0], height / size[1]])
-    image, shown = draw_reduced(photo, lambda view: to_resized(view, ratio), *size)
+    nodes, _ = node_grid(0, 0, *size)
+    flat = to_resized(nodes, np.array([width / size[0], height / size[1]]))
+    image, within = draw_reduced(photo, flat, *size)
+    on_page = cv2.resize(photo.shown.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     enlarged = cv2.resize(gain * np.float32(GRAY_PAPER), size, interpolation=cv2.INTER_LINEAR)
-    view = np.asarray(cv2.multiply(image, enlarged, dtype=cv2.CV_8U), np.uint8)
+    view = cv2.multiply(image, enlarged, dtype=cv2.CV_8U)
     is_paper = cv2.resize(measured, size, interpolation=cv2.INTER_LINEAR) > 0.5
-    view[~(shown & is_paper)] = np.uint8(GRAY_PAPER)
-    return view
+    shown = without_rim(within, np.asarray(on_page, np.uint8)) & is_paper
+    return np.asarray(cv2.copyTo(view, shown.view(np.uint8), np.full_like(view, GRAY_PAPER)), np.uint8)

@@ -39,18 +39,24 @@ class ToneMap:
         return np.asarray((1 - t) * upper + t * lower, np.float32)
 
 
-def apply_tones(tile: RgbImage, coefficients: Sequence[NDArray[np.float32]]) -> RgbImage:
-    """`tile` (H, W, 3), changed by the six coefficients of a `ToneMap` at its pixels, each (H, W).
+def tone_factors(coefficients: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """Factors of `apply_tones`, five of (...), of the coefficients (..., 6) of a `ToneMap`: the gains of both steps are
+    one."""
+    *gains, gain, slope, offset = np.moveaxis(coefficients, -1, 0)
+    return [*(own * gain for own in gains), slope / gain, offset]
+
+
+def apply_tones(tile: RgbImage, factors: Sequence[NDArray[np.float32]]) -> RgbImage:
+    """`tile` (H, W, 3) times the first three of five factors, each (H, W), plus the fourth times the strongest channel
+    of that, plus the fifth.
 
     All steps are OpenCV's, plane by plane: NumPy's on three channels take ten times as long.
     """
-    *gains, gain, slope, offset = coefficients
+    *gains, slope, offset = factors
     balanced = [
         cv2.multiply(channel, own, dtype=cv2.CV_32F)
         for channel, own in zip(cv2.split(tile), gains, strict=True)
     ]
     added = cv2.max(cv2.max(balanced[0], balanced[1]), balanced[2])
     cv2.add(cv2.multiply(added, slope, dst=added), offset, dst=added)
-    for channel in balanced:
-        cv2.multiply(channel, gain, dst=channel)
     return np.asarray(cv2.merge([cv2.add(channel, added, dtype=cv2.CV_8U) for channel in balanced]), np.uint8)

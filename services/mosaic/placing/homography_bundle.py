@@ -15,6 +15,9 @@ from services.robust import CAUCHY_WIDTH, MEDIAN_LENGTH, cauchy_weights
 FREE = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1)]
 """Entries of a homography near the identity, in the order of the parameters; the last entry, (2, 2), is fixed."""
 
+ENTRIES = [3 * i + j for i, j in [*FREE, (2, 2)]]
+"""Places of these entries, and of the last one, in a matrix that is written row by row."""
+
 PRIOR_POINTS = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 7), np.linspace(-0.7, 0.7, 7)), axis=-1).reshape(
     -1, 2
 )
@@ -63,8 +66,6 @@ class _Half:
     target: int
     x: Points
     y: Points
-    basis: Floats
-    """(N, 2, 8) derivatives at the source's points."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +105,7 @@ class Bundle:
         for (a, b), pair in zip(ends, pairs, strict=True):
             x_a = transform_points(normalisations[a], pair.points_a)
             x_b = transform_points(normalisations[b], pair.points_b)
-            halves.append((_Half(b, a, x_b, x_a, _basis(x_b)), _Half(a, b, x_a, x_b, _basis(x_a))))
+            halves.append((_Half(b, a, x_b, x_a), _Half(a, b, x_a, x_b)))
             initial.append(normalisations[a] @ pair.H_a_b @ np.linalg.inv(normalisations[b]))
         units = half_diagonals / resolutions
         return Bundle(
@@ -131,7 +132,9 @@ class FrontalPrior:
     def departures(self, maps: Floats) -> tuple[Floats, Floats]:
         """Departures (n, 2 N) of points of each view from its best similarity, and their derivatives (n, 2 N, 8)."""
         z = _complex(transform_points(maps, PRIOR_POINTS))
-        motions = _complex(np.moveaxis(jacobians(maps, PRIOR_POINTS) @ _basis(PRIOR_POINTS), 2, -1))
+        motions = _complex(
+            np.moveaxis(jacobians(maps, PRIOR_POINTS) @ _motions(PRIOR_POINTS)[..., :8], 2, -1)
+        )
         here = np.broadcast_to(_complex(PRIOR_POINTS), z.shape)
         _, r, J = departures_from_similarity(z, here, motions)
         share = np.sqrt(len(PRIOR_POINTS))
@@ -257,13 +260,14 @@ def _normal_equations(
         for half in halves:
             unit = float(bundle.units[half.target])
             r, there, M = _residuals(half, maps, unit)
-            # M = A_t^-1 A_s becomes (I - D_t) M (I + D_s).
-            J_t = _basis(there) * (unit * root)[:, None, None]
-            J_s = -(jacobians(M, half.x) * (unit * root)[:, None, None]) @ half.basis
-            J = np.concatenate([J_t, J_s], axis=2).reshape(-1, 16)
+            # M = A_t^-1 A_s becomes (I - D_t) M (I + D_s), which is (I - D_t) (I + M D_s M^-1) M.
+            B = (_motions(there) * (unit * root)[:, None, None]).reshape(-1, 9)
+            inverse = np.linalg.inv(M)
+            moves = (M[:, None, :, None] * inverse.T[None, :, None, :]).reshape(9, 9)  # of D, row by row
+            change = np.hstack([np.eye(9)[:, :8], -moves[ENTRIES][:, ENTRIES[:8]]])
             both = np.r_[8 * half.target : 8 * half.target + 8, 8 * half.source : 8 * half.source + 8]
-            A[np.ix_(both, both)] += J.T @ J
-            g[both] -= J.T @ (r * root[:, None]).ravel()
+            A[np.ix_(both, both)] += change.T @ (B.T @ B) @ change
+            g[both] -= change.T @ (B.T @ (r * root[:, None]).ravel())
     if prior is not None:
         departures, derivatives = prior.departures(maps)
         for k, (r, J, precision) in enumerate(zip(departures, derivatives, prior.precisions(), strict=True)):
@@ -310,13 +314,14 @@ def _complex(vectors: Floats) -> NDArray[np.complex128]:
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
 
 
-def _basis(points: Points) -> Floats:
-    """Derivatives (N, 2, 8) of `points` (N, 2) under I + D by the entries `FREE` of D, for small D."""
+def _motions(points: Points) -> Floats:
+    """Derivatives (N, 2, 9) of `points` (N, 2) under I + D by the entries `FREE` of D and the last one, for small D."""
     x, y = points.T
-    basis = np.zeros((len(points), 2, 8))
-    basis[:, 0, 0] = basis[:, 1, 3] = x
-    basis[:, 0, 1] = basis[:, 1, 4] = y
-    basis[:, 0, 2] = basis[:, 1, 5] = 1.0
-    basis[:, 0, 6], basis[:, 1, 7] = -x * x, -y * y
-    basis[:, 0, 7] = basis[:, 1, 6] = -x * y
-    return basis
+    motions = np.zeros((len(points), 2, 9))
+    motions[:, 0, 0] = motions[:, 1, 3] = x
+    motions[:, 0, 1] = motions[:, 1, 4] = y
+    motions[:, 0, 2] = motions[:, 1, 5] = 1.0
+    motions[:, 0, 6], motions[:, 1, 7] = -x * x, -y * y
+    motions[:, 0, 7] = motions[:, 1, 6] = -x * y
+    motions[:, :, 8] = -points
+    return motions

@@ -41,18 +41,26 @@ def resect_camera(X: Floats, seen: Points, prior: FocalPrior) -> OtherCamera | N
     for _ in range(ROUNDS):
         left = np.linalg.norm(start.moved(change).project(X) - seen, axis=1)
         deviation = max(float(np.median(left)) / MEDIAN_LENGTH, LEAST_DEVIATION)
-        residuals = _residuals(start, X, seen, prior, deviation)
-        change = least_squares(residuals, change, loss="cauchy", f_scale=CAUCHY_WIDTH).x
+        residuals, derivatives = _residuals(start, X, seen, prior, deviation)
+        change = least_squares(residuals, change, derivatives, loss="cauchy", f_scale=CAUCHY_WIDTH).x
     return start.moved(change)
 
 
 def _residuals(
     start: OtherCamera, X: Floats, seen: Points, prior: FocalPrior, deviation: float
-) -> Callable[[Vector], Vector]:
-    """Function of the change of `start`: distances of the points and of the focal length, in deviations."""
+) -> tuple[Callable[[Vector], Vector], Callable[[Vector], Floats]]:
+    """Functions of the change of `start`: distances of the points and of the focal length, in deviations, and their
+    derivatives.
+    """
 
     def residuals(change: Vector) -> Vector:
         off = (start.moved(change).project(X) - seen) / deviation
         return np.append(off.ravel(), (change[-1] - prior.log_focal) / prior.deviation)
 
-    return residuals
+    def derivatives(change: Vector) -> Floats:
+        _, by_camera = start.moved(change).derivatives(X, change[:3])
+        by_focal = np.zeros((1, CAMERA_UNKNOWNS))
+        by_focal[0, -1] = 1 / prior.deviation
+        return np.concatenate([by_camera.reshape(-1, CAMERA_UNKNOWNS) / deviation, by_focal])
+
+    return residuals, derivatives

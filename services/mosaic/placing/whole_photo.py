@@ -195,7 +195,9 @@ def _part_of(seen: _Seen, photo: FlatPhoto, H_seen_photo: Homography) -> PartFra
 def _lay(photo: FlatPhoto, frame: PartFrame, seen: _Seen) -> tuple[FlatPhoto, Homography]:
     """The photo in its part of the page, and the place of that."""
     scale = float(np.sqrt(np.abs(np.linalg.det(frame.H_part_photo[:2, :2]))))
-    laid = view_photo(photo.index, photo.photo, frame, seen.page.text_height_px * scale, photo.weight)
+    laid = view_photo(
+        photo.index, photo.photo, frame, seen.page.text_height_px * scale, photo.weight, is_drawn=False
+    )
     assert isinstance(laid.frame, PartFrame)
     sheet = None if seen.sheet is None else transform_points(frame.H_part_photo, seen.sheet)
     return (

@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -154,14 +155,18 @@ def match_blocks(
     return BlockMatches(points, displacements, correlations, found, telling)
 
 
+def take_blocks(image: NDArray[Any], corners: NDArray[np.intp], width: int, height: int) -> NDArray[Any]:
+    """Blocks (N, height, width) of `image` with top left pixels `corners` (N, 2)."""
+    return np.asarray(sliding_window_view(image, (height, width))[corners[:, 1], corners[:, 0]])
+
+
 def ink_centres(image: GrayImage, corners: NDArray[np.intp], width: int, height: int) -> Points:
     """Centroid of the print in each block (N, 2), from its top left pixel. The displacement is measured there.
 
     If a block has only one text line at its lower edge, its displacement is that of the line. Assigning it to the
     block's centre would hide an error of scale.
     """
-    x, y = np.arange(width), np.arange(height)
-    blocks = image[corners[:, 1, None, None] + y[:, None], corners[:, 0, None, None] + x].astype(np.float32)
+    blocks = take_blocks(image, corners, width, height).astype(np.float32)
     weights = (blocks - blocks.mean(axis=(1, 2), keepdims=True)) ** 2 + 1e-6
     return centroids(weights)
 
@@ -228,22 +233,23 @@ def _choose_blocks(
         apart = np.ceil(apart * GRID_GROWTH).astype(int)
     chosen = np.stack([x, y], axis=1)[usable]
     chosen = chosen[:: -(-len(chosen) // most)] if len(chosen) > most else chosen
-    least = [_least_eigenvalues(image, chosen, w, h) for image in (own, other)]
-    return chosen, np.maximum(*least) > DETAIL**2
+    telling = _least_eigenvalues(own, chosen, w, h) > DETAIL**2
+    telling[~telling] = _least_eigenvalues(other, chosen[~telling], w, h) > DETAIL**2
+    return chosen, telling
 
 
 def _least_eigenvalues(image: GrayImage, corners: NDArray[np.intp], width: int, height: int) -> Vector:
     """Smaller eigenvalue of the mean structure tensor ((xx, xy), (xy, yy)) of each block (N,)."""
-    y = corners[:, 1, None, None] + np.arange(height)[:, None]
-    x = corners[:, 0, None, None] + np.arange(width)
+    if not len(corners):
+        return np.zeros(0)
     across, down = (
-        np.asarray(cv2.Sobel(image, cv2.CV_32F, *order, scale=1 / 8))[y, x].reshape(
-            len(corners), width * height
-        )
+        take_blocks(np.asarray(cv2.Sobel(image, cv2.CV_16S, *order)), corners, width, height)
+        .reshape(len(corners), width * height)
+        .astype(np.float32)
         for order in ((1, 0), (0, 1))
     )
     xx, xy, yy = (
-        np.asarray(np.einsum("ni,ni->n", one, other), float) / (width * height)
+        np.asarray(np.einsum("ni,ni->n", one, other), float) / (64 * width * height)
         for one, other in ((across, across), (across, down), (down, down))
     )
     return np.asarray((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy))

@@ -109,17 +109,20 @@ def _outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vect
     # The histograms of all scales are stacked with gaps, so that windows do not overlap two of them.
     pitch = rows + SURROUNDINGS
     flat = (row * pitch + at[:, 1] - low[1]) * columns + at[:, 0] - low[0]
-    counts = np.bincount(flat, minlength=len(bins) * pitch * columns).astype(np.float32)
-    surprise = _surprise(counts.reshape(len(bins) * pitch, columns))
-    y, x = np.unravel_index(int(np.argmax(surprise)), surprise.shape)
-    return int(y) // int(pitch), np.array([x, y % pitch]) + low + 0.5
+    counts = np.bincount(flat, minlength=len(bins) * pitch * columns).astype(np.uint16)
+    y, x = _most_surprising(counts.reshape(len(bins) * pitch, columns))
+    return y // int(pitch), np.array([x, y % pitch]) + low + 0.5
 
 
-def _surprise(histograms: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Excess of each sum over 3 x 3 bins over its surroundings, in standard deviations of a Poisson count."""
+def _most_surprising(histograms: NDArray[np.uint16]) -> tuple[int, int]:
+    """Row and column whose 3 x 3 bins exceed their surroundings most, in standard deviations of a Poisson count."""
     near, wide = (
         np.asarray(cv2.boxFilter(histograms, -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT))
         for n in (3, SURROUNDINGS)
     )
-    expected = (wide - near) * (9 / (SURROUNDINGS**2 - 9))
-    return np.asarray((near - expected) / np.sqrt(np.maximum(expected, 0) + 1), np.float32)
+    some = np.flatnonzero(near > 0)  # what most bins are not
+    counted, around = near.ravel()[some], wide.ravel()[some]
+    expected = (around - counted) * np.float32(9 / (SURROUNDINGS**2 - 9))
+    surprise = (counted - expected) / np.sqrt(expected + 1)
+    place, columns = int(some[np.argmax(surprise)]), histograms.shape[1]
+    return place // columns, place % columns

@@ -16,6 +16,7 @@ from services.imaging.node_grid import (
     band_nodes,
     between_nodes,
     continuous_nodes,
+    negative_tiles,
     node_grid,
     take_values,
 )
@@ -25,8 +26,6 @@ MASK_SIDE_PX = 500
 """Long side of the image that tells which nodes are near the paper's edge."""
 MASK_ERROR_PX = 2.0
 """Distances in that image are off by less: half a pixel by its rounding, 5 % by OpenCV's steps of a distance."""
-TILE_NODES = 16
-"""Nodes of the map's grid along the side of a tile in which the paper's edge is drawn."""
 FAR_PX = 1e6
 """From the view: its paper has no corners farther away."""
 BAND_PX = 16 * GRID_STEP_PX
@@ -34,11 +33,15 @@ BAND_PX = 16 * GRID_STEP_PX
 
 
 def draw_gray_view(
-    gray: GrayImage, factor: float | Vector, frame: Frame, origin: tuple[float, float] = (0.0, 0.0)
+    gray: GrayImage,
+    factor: float | Vector,
+    frame: Frame,
+    origin: tuple[float, float] = (0.0, 0.0),
+    nodes: Floats | None = None,
 ) -> GrayImage:
     """The view in gray, drawn from `gray`, the photo from pixel `origin` on, resized by `factor`; white outside.
 
-    `factor` may be one for each axis.
+    `factor` may be one for each axis; `nodes` are the view's `photo_nodes`, where they are known already.
     """
     if frame.H_photo_flat is not None:
         flat = cv2.warpPerspective(
@@ -50,7 +53,7 @@ def draw_gray_view(
         )
         return np.asarray(flat, np.uint8)
     view = np.full((frame.height, frame.width), 255, np.uint8)
-    to_gray = _BandMap(photo_nodes(frame) - origin, factor)
+    to_gray = _BandMap((photo_nodes(frame) if nodes is None else nodes) - origin, factor)
     for top in range(0, frame.height, BAND_PX):
         to_gray.draw(gray, top, cv2.INTER_LINEAR, view[top : top + BAND_PX])
     return view
@@ -183,7 +186,9 @@ def whiten_beyond(flat: RgbImage, frame: Frame, paper: Points, nodes: Floats | N
             _whiten_outside(flat, corners)
             return
     at = photo_nodes(frame) if nodes is None else nodes
-    _whiten_negative(flat, _distances_inside(paper, np.nan_to_num(at, nan=-FAR_PX)))
+    inside = _distances_inside(paper, np.nan_to_num(at, nan=-FAR_PX))
+    for tile, where in negative_tiles(inside, flat.shape[1], flat.shape[0]):
+        flat[tile][... if where is None else where] = 255
 
 
 def _distances_inside(polygon: Points, nodes: Floats) -> NDArray[np.float32]:
@@ -214,24 +219,6 @@ def _distances_inside(polygon: Points, nodes: Floats) -> NDArray[np.float32]:
         x, y = nodes[row, column]
         distances[row, column] = cv2.pointPolygonTest(corners, (float(x), float(y)), True)
     return np.asarray(distances, np.float32)
-
-
-def _whiten_negative(flat: RgbImage, nodes: NDArray[np.float32]) -> None:
-    """Draw white, in place, where the values between `nodes` (rows, columns) are negative: tile by tile of the view.
-
-    Most tiles lie wholly inside or outside, and need no values between the nodes.
-    """
-    height, width = flat.shape[:2]
-    step = TILE_NODES * GRID_STEP_PX
-    for top in range(0, height, step):
-        for left in range(0, width, step):
-            tile = flat[top : top + step, left : left + step]
-            row, column = top // GRID_STEP_PX, left // GRID_STEP_PX
-            near = nodes[row : row + TILE_NODES + 2, column : column + TILE_NODES + 2]
-            if near.max() < 0:
-                tile[:] = 255
-            elif near.min() < 0:
-                tile[between_nodes(near, tile.shape[1], tile.shape[0]) < 0] = 255
 
 
 class _BandMap:

@@ -34,6 +34,23 @@ class OtherCamera:
         Y = X @ self.rotation.T + self.translation
         return np.asarray(self.focal * Y[:, :2] / np.maximum(Y[:, 2:], 1e-9))
 
+    def derivatives(self, X: Floats, turn: Vector) -> tuple[Points, Floats]:
+        """Photo points (N, 2) of points in space, and their derivatives (N, 2, 7) by the unknowns of the camera that
+        came here by a small `turn` (3,).
+        """
+        turned = X @ self.rotation.T
+        Y = turned + self.translation
+        depth = np.maximum(Y[:, 2], 1e-9)
+        seen = self.focal * Y[:, :2] / depth[:, None]
+        # By Y.
+        P = np.zeros((len(X), 2, 3))
+        P[:, 0, 0] = P[:, 1, 1] = self.focal
+        P[:, :, 2] = -seen
+        P /= depth[:, None, None]
+        K = np.array([[0, -turn[2], turn[1]], [turn[2], 0, -turn[0]], [-turn[1], turn[0], 0]])
+        by_turn = np.cross(turned[:, None, :], P) @ (np.eye(3) + 0.5 * K)
+        return seen, np.concatenate([by_turn, P, seen[:, :, None]], axis=2)
+
     def moved(self, change: Vector) -> "OtherCamera":
         """The camera after a `change` (7,) of its unknowns, the last of which is the logarithm itself."""
         turn = rotation_from_vector(change[:3])
@@ -77,15 +94,8 @@ def view_residuals(
     normal = np.cross(placed.X_c, placed.X_r)
     sight = np.einsum("ni,ni->n", normal, X)
     sight = np.where(np.abs(sight) < 1e-12, 1e-12, sight)
-    turned = X @ camera.rotation.T
-    Y = turned + camera.translation
-    depth = np.maximum(Y[:, 2], 1e-9)
-    seen = camera.focal * Y[:, :2] / depth[:, None]
-    # Derivatives (N, 2, 3) of the seen point by Y.
-    P = np.zeros((count, 2, 3))
-    P[:, 0, 0] = P[:, 1, 1] = camera.focal
-    P[:, :, 2] = -seen
-    P /= depth[:, None, None]
+    seen, by_camera = camera.derivatives(X, change[:3])
+    P, turned = by_camera[:, :, 3:6], X @ camera.rotation.T
     along = np.einsum("nij,nj->ni", P, turned)  # by the relative depth of the sheet's point on its ray
     by_node = along[:, :, None] * (normal / sight[:, None])[:, None, :]
     entries = (placed.weights[:, None, :, None] * by_node[:, :, None, :]).reshape(count, 2, 12)
@@ -93,9 +103,6 @@ def view_residuals(
     inward = np.column_stack([-X[:, :2], np.zeros(count)])
     met = -np.einsum("ni,ni->n", normal, inward) / sight
     by_focal = np.einsum("nij,nj->ni", P, inward @ camera.rotation.T) + along * met[:, None]
-    by_turn = np.cross(turned[:, None, :], P)
-    K = np.array([[0, -change[2], change[1]], [change[2], 0, -change[0]], [-change[1], change[0], 0]])
-    by_turn = by_turn @ (np.eye(3) + 0.5 * K)
     columns = np.concatenate(
         [
             (3 * placed.nodes[:, :, None] + np.arange(3)).reshape(count, 12),
@@ -104,7 +111,7 @@ def view_residuals(
         ],
         axis=1,
     )
-    rows = np.concatenate([entries, by_focal[:, :, None], by_turn, P, seen[:, :, None]], axis=2)
+    rows = np.concatenate([entries, by_focal[:, :, None], by_camera], axis=2)
     values = ((seen - view.seen) / view.deviation).ravel()
     return ResidualBlock(
         values, SparseRows(np.repeat(columns, 2, axis=0), rows.reshape(2 * count, -1) / view.deviation), 1

@@ -62,7 +62,9 @@ def test_a_view_that_shows_that_it_is_not_flat_says_so_until_it_is_viewed_again(
     monkeypatch.setattr(flattening, "measure_flatness", lambda *_: shown)
     flat = flatten_photo(0, photograph(page_image(), TILTED, 1000, 1400), None, StageClock())
     assert [notice.code for notice in flat.notices] == codes
-    assert view_again(flat, flat.frame).notices == ()
+    again = view_again(flat, flat.frame)
+    assert again.notices == ()
+    assert again.gray.size == 0
 
 
 @pytest.mark.parametrize("has_next", [True, False])

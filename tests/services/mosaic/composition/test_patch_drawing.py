@@ -102,13 +102,12 @@ def test_more_detail_than_the_mosaic_has_does_not_alias() -> None:
 
 def test_only_what_the_view_shows_is_covered() -> None:
     placed = cut(in_color(prose().image), Box(0, 0, 600, 500))
-    shown = placed.flat.shown.copy()
-    shown[:, 400:] = False
-    patch = prepare_patch(replace(placed, flat=replace(placed.flat, shown=shown)), WIDTH, HEIGHT)
+    ends = replace(placed.flat, frame=FlatFrame(np.eye(3), 400, 500), shown=placed.flat.shown[:, :400])
+    patch = prepare_patch(replace(placed, flat=ends), WIDTH, HEIGHT)
     covered = mapped(patch, Rectangle(0, 0, WIDTH, HEIGHT)).covered > 0
     assert covered[3:490, 3:399].all()
     assert not covered[:, 401:].any()
-    nothing = replace(placed, flat=replace(placed.flat, shown=np.zeros_like(shown)))
+    nothing = replace(placed, flat=replace(placed.flat, shown=np.zeros_like(placed.flat.shown)))
     assert prepare_patch(nothing, WIDTH, HEIGHT).box.width == 0
 
 

@@ -11,7 +11,7 @@ from services.arrays import RgbImage
 from services.imaging.normalization import normalize_illumination
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.tone_matching import match_tones
-from services.mosaic.light.tones import ToneMap, apply_tones
+from services.mosaic.light.tones import ToneMap, apply_tones, tone_factors
 from services.mosaic.placing.placement import DisplacementField, Placement
 from services.sheet.plane.framing import FlatFrame
 from tests.counts import some
@@ -108,7 +108,7 @@ def toned(photo: FlatPhoto, tones: ToneMap) -> RgbImage:
     x, y = np.meshgrid(np.arange(1.5, width, 4), np.arange(1.5, height, 4))
     coarse = tones.at(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(*x.shape, 6)
     size = (4 * x.shape[1], 4 * x.shape[0])
-    planes = (cv2.resize(plane, size)[:height, :width] for plane in np.moveaxis(coarse, -1, 0))
+    planes = (cv2.resize(plane, size)[:height, :width] for plane in tone_factors(coarse))
     return apply_tones(photo.photo, [np.asarray(plane, np.float32) for plane in planes])
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.mosaic.light.tones import ToneMap, apply_tones
+from services.mosaic.light.tones import ToneMap, apply_tones, tone_factors
 from tests.services.mosaic.cuttings import identity_tones
 
 
@@ -13,7 +13,7 @@ def test_identity_changes_nothing() -> None:
     tile = np.random.default_rng(1).integers(0, 256, (20, 30, 3), dtype=np.uint8)
     x, y = np.meshgrid(np.arange(30.0), np.arange(20.0))
     coefficients = identity_tones(300, 200).at(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(20, 30, 6)
-    assert np.array_equal(apply_tones(tile, list(np.moveaxis(coefficients, -1, 0))), tile)
+    assert np.array_equal(apply_tones(tile, tone_factors(coefficients)), tile)
 
 
 @settings(max_examples=30, deadline=None)
@@ -36,15 +36,15 @@ def test_a_linear_field_is_sampled_exactly_between_its_outermost_cells(
 
 def test_levels_come_after_the_gains_and_by_the_strongest_channel() -> None:
     tile = np.array([[[100, 50, 20]]], np.uint8)
-    coefficients = np.array([0.5, 2.0, 1.0, 1.2, 0.3, -10.0], np.float32).reshape(6, 1, 1)
+    coefficients = np.array([[[0.5, 2.0, 1.0, 1.2, 0.3, -10.0]]], np.float32)
     # Balanced 50, 100, 20: the strongest is 100; plus 0.3 * 100 - 10.
-    assert apply_tones(tile, list(coefficients))[0, 0].tolist() == [80, 140, 44]
+    assert apply_tones(tile, tone_factors(coefficients))[0, 0].tolist() == [80, 140, 44]
 
 
 def test_results_are_clipped() -> None:
     tile = np.array([[[100, 100, 100]]], np.uint8)
     bright, dark = (
-        [np.full((1, 1), value, np.float32) for value in coefficients]
+        tone_factors(np.array([[coefficients]], np.float32))
         for coefficients in ((9, 1, 1, 1, 0, -50), (1, 1, 1, 1, 0, -150))
     )
     assert apply_tones(tile, bright)[0, 0].tolist() == [255, 50, 50]

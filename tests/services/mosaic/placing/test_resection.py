@@ -1,9 +1,10 @@
 """The camera of a photo, from points in space that it shows."""
 
 import numpy as np
+import pytest
 
 from services.geometry.focal_prior import FocalPrior
-from services.mosaic.placing.resection import FEWEST, resect_camera
+from services.mosaic.placing.resection import FEWEST, _residuals, resect_camera
 from tests.services.sheet.ridged.sheets import CURVED, FLAT, HEIGHT, PIXEL, WIDTH
 from tests.services.sheet.ridged.test_views import second_camera
 
@@ -26,6 +27,16 @@ def test_the_camera_is_found_among_false_matches() -> None:
     assert np.median(off) < 0.05 * PIXEL
     assert np.degrees(np.arccos((np.trace(found.rotation @ true.rotation.T) - 1) / 2)) < 0.3
     assert abs(np.log(found.focal / true.focal)) < 0.02
+
+
+def test_derivatives_are_those_of_the_residuals() -> None:
+    camera, X = second_camera(), CURVED.place(page_points(20))
+    change = np.array([0.02, -0.03, 0.01, 0.1, 0.05, -0.08, np.log(camera.focal) + 0.1])
+    residuals, derivatives = _residuals(camera, X, camera.project(X), PRIOR, PIXEL)
+    steps = 1e-6 * np.eye(len(change))
+    expected = [(residuals(change + step) - residuals(change - step)) / 2e-6 for step in steps]
+    found = derivatives(change)
+    assert found == pytest.approx(np.stack(expected, axis=1), abs=2e-3 * np.abs(found).max())
 
 
 def test_a_wrong_sheet_leaves_what_no_camera_explains() -> None:

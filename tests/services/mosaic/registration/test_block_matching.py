@@ -119,3 +119,14 @@ def test_smooth_displacements_are_kept_as_matches_though_no_homography_makes_the
     expected = -6 * np.sin(points_a[:, 0] / 150)
     assert np.ptp(expected) > 8
     assert np.percentile(np.abs(moved[:, 1] - expected), 90) < 1.2
+
+
+def test_three_comparisons_find_the_same_print_exactly() -> None:
+    """Three plain steps leave 0.0055 px, six of them 0.0009."""
+    photos = PreparedPhoto(view_a()), PreparedPhoto(view_a())
+    overlap = verify_overlap(*photos, translation(0.4, 0.3), 0)
+    assert overlap is not None
+    refined = refine_overlap(*photos, overlap)
+    assert refined is not None
+    off = np.linalg.norm(refined[1] - refined[2], axis=1)
+    assert float(np.median(off)) < 0.002
