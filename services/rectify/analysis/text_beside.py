@@ -42,7 +42,9 @@ def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal
     if crossing_rows(analysis, outline) >= FEWEST_ROWS:
         return "print"
     beside = _ink_beside(analysis, outline)
-    if shows_print(beside) or shows_print(np.ascontiguousarray(beside.T)):
+    # Rows across the lines of the page are grain of a desk: print beside it is the page's.
+    lies = np.abs(np.cos(np.median(analysis.major_field.at(analysis.characters)))) > np.sqrt(0.5)
+    if shows_print(beside if lies else np.ascontiguousarray(beside.T)):
         return "print" if is_most else None
     return "texture" if is_believed else None
 
