@@ -79,9 +79,9 @@ def test_grain_beside_a_believed_sheet_is_texture(confidence: float, found: str 
     assert text_beside(analysis, replace(outline, confidence=confidence)) == found
 
 
-@pytest.mark.parametrize(("turned", "found"), [(True, "texture"), (False, None)])
-def test_rows_across_the_print_of_a_sheet_are_not_its_own(turned: bool, found: str | None) -> None:
-    """Grain of oak forms rows as well, but along the desk."""
+@pytest.mark.parametrize(("turned", "found"), [(True, "texture"), (False, "print")])
+def test_rows_beside_an_outline_are_the_pages_along_its_lines(turned: bool, found: str) -> None:
+    """Grain of oak forms rows as well, but across them."""
     font = ImageFont.load_default(30)
     page, desk = Image.new("L", (1000, 1000), 235), Image.new("L", (1000, 240), 150)
     for k in range(20):
