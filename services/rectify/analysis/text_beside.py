@@ -28,9 +28,9 @@ MOST_BESIDE = 0.03
 def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal["texture", "print"] | None:
     """What the text of `analysis` outside of `outline` is, where it matters; None where it does not.
 
-    Texture beside a believed sheet is that of a desk. Print is told where it is most of the text, or goes on in rows
-    from the sheet: then the outline is no end of the sheet. So may the border of a picture be, with the page's text
-    above and below it, or that of a shadow.
+    Texture beside a believed sheet is that of a desk. Print is told where it stands in rows of its own along the lines
+    of the page, or goes on in rows from the sheet: then the outline is no end of the sheet. So may the border of a
+    picture be, with the page's text above and below it, that of a fold or of a panel, or that of a shadow.
     """
     if outline is None:
         return None
@@ -42,8 +42,10 @@ def text_beside(analysis: PageAnalysis, outline: SheetOutline | None) -> Literal
     if crossing_rows(analysis, outline) >= FEWEST_ROWS:
         return "print"
     beside = _ink_beside(analysis, outline)
-    if shows_print(beside) or shows_print(np.ascontiguousarray(beside.T)):
-        return "print" if is_most else None
+    # Rows across the lines of the page are grain of a desk: print beside it is the page's.
+    lies = np.abs(np.cos(np.median(analysis.major_field.at(analysis.characters)))) > np.sqrt(0.5)
+    if shows_print(beside if lies else np.ascontiguousarray(beside.T)):
+        return "print"
     return "texture" if is_believed else None
 
 

@@ -182,7 +182,7 @@ def frame_view(
     else:
         if crop == "sheet":
             frame = cut_view(photo, frame, page, end, effort, beyond.mean(axis=1))
-        frame = grow_to_print(frame, boxes, page.text_height_px)
+        frame = grow_to_print(frame, boxes, page.text_height_px, end.white)
         if not effort.is_brief:
             frame = restore_detail(frame, pixels, page.characters, page.text_height_px)
     return frame, end.white, beyond

@@ -71,8 +71,13 @@ def groups_within(points: Points, reach: float) -> NDArray[np.intp]:
     return group_linked(len(points), near[:, 0], near[:, 1])
 
 
-def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float) -> Frame:
-    """`frame`, larger on those sides on which one of the `boxes` (N, 4, 2), photo pixels, ends outside of it."""
+def grow_to_print(frame: Frame, boxes: Floats, text_height_px: float, paper: Points | None = None) -> Frame:
+    """`frame`, larger on those sides on which one of the `boxes` (N, 4, 2), photo pixels, ends outside of it.
+
+    Beyond the `paper` (M, 2) the view is white, so that it shows no more print however far it goes.
+    """
+    if paper is not None:
+        boxes = boxes[_within(paper, boxes.mean(axis=1))]
     size = np.array([frame.width, frame.height], np.float64)
     at, _ = _near_border(frame, boxes)
     with np.errstate(invalid="ignore"):

@@ -79,7 +79,8 @@ def cut_to_outline(
     specks of a desk. Sides of a believed outline of a sheet that is no plane `may_wave`.
     """
     if believed:
-        characters = characters[outline.holds(characters)]
+        # To a pixel: what looks like a letter on the very edge of a sheet is its edge.
+        characters = characters[outline.holds(characters, 1.0)]
     text = _finite(frame.to_flat(characters))
     centre = np.nanmedian(frame.to_flat(outline.polygon), axis=0)
     found: dict[str, float] = {}

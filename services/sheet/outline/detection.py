@@ -1,7 +1,9 @@
 """The outline of the sheet in a photo."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -10,6 +12,7 @@ from scipy.spatial import cKDTree
 from services.arrays import Points, RgbImage
 from services.geometry.homographies import from_resized
 from services.imaging.reduction import Halves
+from services.sheet.outline.band_beyond import band_side, is_seen_whole, round_bands
 from services.sheet.outline.beyond_photo import follow_to_border
 from services.sheet.outline.candidates import (
     PARTED,
@@ -107,6 +110,9 @@ class MeasuredOutline:
         return self.confidence / max(1.0 - self.confidence, 1e-9)
 
 
+_Measure = Callable[[Candidate], MeasuredOutline | None]
+
+
 def find_outline(
     photo: RgbImage | Halves,
     characters: Points | None = None,
@@ -149,27 +155,81 @@ def find_outline(
     sought = [c for c in distinct[: p.tried] if c.rating >= p.least_rating and c.cut <= p.most_cut]
     if not sought:
         return None
-    medium = medium_photo(halves)
+    measure = partial(
+        measure_candidate,
+        halves.image,
+        reduced,
+        medium_photo(halves),
+        parameters=p,
+        shows_print=len(on_sheet) > 0,
+    )
+    best = _surest(sought, measure, lambda measured: _rate_of_view(measured, reduced, on_sheet))
+    if best is None:
+        return None
+    if len(on_sheet):
+        best = _with_band(best, sought, halves.image, reduced, rate, measure)
+        best = _rate_of_view(best, reduced, on_sheet)
+    outline = best.outline
+    return None if outline.confidence < LEAST_CONFIDENCE else end_before_cut_corners(outline)
+
+
+def _surest(
+    sought: list[Candidate], measure: _Measure, rate_of_view: Callable[[MeasuredOutline], MeasuredOutline]
+) -> MeasuredOutline | None:
+    """The surest outline near the candidates that are `sought`; they are measured until one is certain."""
     best: MeasuredOutline | None = None
     found: list[cKDTree] = []
     for candidate in sought:
         if any(_is_same(candidate, known) for known in found):
             continue
-        measured = measure_candidate(
-            halves.image, reduced, medium, candidate, p, shows_print=len(on_sheet) > 0
-        )
+        measured = measure(candidate)
         if measured is not None and measured.goes_on:
-            measured = _rate_of_view(measured, reduced, on_sheet)
+            measured = rate_of_view(measured)
         if measured is not None and measured.confidence >= BELIEVED_CONFIDENCE:
             found.append(cKDTree(resample_closed(candidate.curve, DENSER * len(candidate.curve))))
         if measured is not None and (best is None or is_surer(measured, best)):
             best = measured
         if best is not None and best.confidence >= CERTAIN_CONFIDENCE:
             break
-    if best is None:
-        return None
-    outline = (_rate_of_view(best, reduced, on_sheet) if len(on_sheet) else best).outline
-    return None if outline.confidence < LEAST_CONFIDENCE else end_before_cut_corners(outline)
+    return best
+
+
+def _with_band(
+    best: MeasuredOutline,
+    sought: list[Candidate],
+    photo: RgbImage,
+    reduced: ReducedPhoto,
+    rate: Callable[[Points], float],
+    measure: _Measure,
+) -> MeasuredOutline:
+    """The `best` outline, or one round a band beside it, of those that were `sought` or that its sides lead to."""
+    sides = [side.points for side in best.outline.sides]
+    if not is_seen_whole(best.outline):
+        return best
+    on_reduced = [reduced.from_photo(side) for side in sides]
+    window = reduced.window_of(photo.shape, 1.0)
+    led = (reduced.from_photo(curve) for curve in round_bands(photo, best.ended, window))
+    found: list[tuple[MeasuredOutline, int]] = []
+    for candidate in chain(sought, (Candidate(curve, rate(curve), 0.0) for curve in led)):
+        if band_side(candidate.curve, on_reduced) is None:
+            continue
+        measured = measure(candidate)
+        if measured is not None and is_seen_whole(measured.outline):
+            band = band_side(measured.outline.polygon, sides)
+            found += [] if band is None else [(measured, band)]
+    if not found:
+        return best
+    outer, band = max(found, key=lambda each: each[0].confidence)
+    # Where there is no band the first outline is the better one.
+    others = [best.ended[(band + n) % 4].points for n in (1, 2, 3)]
+    curve = reduced.from_photo(np.concatenate([*others, outer.ended[band].points]))
+    joined = measure(Candidate(curve, rate(curve), 0.0))
+    is_round = joined is not None and is_seen_whole(joined.outline)
+    return (
+        joined
+        if joined is not None and is_round and band_side(joined.outline.polygon, sides) == band
+        else outer
+    )
 
 
 def _rate_of_view(measured: MeasuredOutline, reduced: ReducedPhoto, on_sheet: Points) -> MeasuredOutline:

@@ -64,8 +64,8 @@ def page_round_a_picture() -> RgbImage:
     return np.clip(photo + np.random.default_rng(1).normal(0, 2, photo.shape), 0, 255).astype(np.uint8)
 
 
-@pytest.mark.parametrize(("end", "is_cut"), [(592, True), (900, False), (1199, False)])
-def test_an_outline_with_most_of_the_print_beside_it_is_no_end_of_the_sheet(end: int, is_cut: bool) -> None:
+@pytest.mark.parametrize(("end", "is_cut"), [(592, True), (900, True), (1199, False)])
+def test_an_outline_with_rows_of_print_beside_it_is_no_end_of_the_sheet(end: int, is_cut: bool) -> None:
     photo = page_round_a_picture()
     analysis = analyse_photo(photo)
     outline = outline_between(Halves(photo), np.array([[5, 5], [994, 5], [994, end], [5, end]], np.float64))
@@ -77,6 +77,34 @@ def test_grain_beside_a_believed_sheet_is_texture(confidence: float, found: str 
     photo = notepad_on_grain()
     analysis, outline = analyse_photo(photo), outline_between(Halves(photo), SHEET)
     assert text_beside(analysis, replace(outline, confidence=confidence)) == found
+
+
+@pytest.mark.parametrize(("turned", "found"), [(True, "texture"), (False, "print")])
+def test_rows_beside_an_outline_are_the_pages_along_its_lines(turned: bool, found: str) -> None:
+    """Grain of oak forms rows as well, but across them."""
+    font = ImageFont.load_default(30)
+    page, desk = Image.new("L", (1000, 1000), 235), Image.new("L", (1000, 240), 150)
+    for k in range(20):
+        ImageDraw.Draw(page).text(
+            (60, 30 + 46 * k), "Alice was beginning to get very tired of sitting", font=font
+        )
+    for k in range(5):
+        ImageDraw.Draw(desk).text(
+            (20, 10 + 44 * k), "of having nothing to do: once or twice she had", font=font
+        )
+    sheet, beside = np.asarray(page), np.asarray(desk)
+    gap = 40
+    photo = np.full((1000 + gap + 1000, 1000 + gap + 240), 150, np.uint8)
+    photo[:1000, :1000] = sheet
+    if turned:
+        photo[:1000, 1000 + gap :] = np.rot90(beside)
+    else:
+        photo[1000 + gap : 1240 + gap, :1000] = beside
+    rng = np.random.default_rng(1)
+    seen = np.repeat(photo[..., None].astype(np.float64), 3, axis=2) + rng.normal(0, 2, (*photo.shape, 3))
+    image = np.clip(seen, 0, 255).astype(np.uint8)
+    outline = outline_between(Halves(image), np.array([[0, 0], [999, 0], [999, 999], [0, 999]], np.float64))
+    assert text_beside(analyse_photo(image), outline) == found
 
 
 @pytest.mark.parametrize(("right", "beside"), [(994, None), (800, "print"), (700, "print")])

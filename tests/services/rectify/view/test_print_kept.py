@@ -74,6 +74,12 @@ def test_a_frame_that_holds_its_print_stays() -> None:
     assert grow_to_print(VIEW, boxes((0, 0), (780, 1080)), 12.0) is VIEW
 
 
+def test_a_frame_does_not_grow_where_the_view_is_white() -> None:
+    paper = transform_points(LEAN, np.array([[0.0, 0.0], [780.0, 0.0], [780.0, 1200.0], [0.0, 1200.0]]))
+    assert grow_to_print(VIEW, boxes((400, 500), (830, 600)), 12.0, paper) is VIEW
+    assert grow_to_print(VIEW, boxes((400, 1110)), 12.0, paper).height > VIEW.height
+
+
 def test_what_is_far_away_is_no_print_of_the_page() -> None:
     assert grow_to_print(VIEW, boxes((400, 500), (1200, 600)), 12.0) is VIEW
 

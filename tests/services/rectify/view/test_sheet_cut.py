@@ -109,6 +109,9 @@ def test_beyond_a_believed_outline_lie_specks_and_no_text() -> None:
     specks = np.concatenate([text(), text((350.0, 985.0, 450.0, 995.0))[:30]])
     _, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), specks, believed=True)
     assert known == {"left", "top", "right", "bottom"}
+    on_edge = np.concatenate([text(), text((350.0, 961.0, 450.0, 962.0))[:30]])
+    _, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), on_edge, believed=True)
+    assert known == {"left", "top", "right", "bottom"}, "the sheet's edge looks like letters"
 
 
 def test_slanting_sides_are_left_alone() -> None:

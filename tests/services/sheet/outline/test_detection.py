@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from services.arrays import Points, RgbImage
+from services.sheet.outline.band_beyond import band_side
 from services.sheet.outline.candidates import Candidate, CandidateParameters, parted_colors
 from services.sheet.outline.colors import color_codes, color_log_odds, color_log_odds_of, count_colors
 from services.sheet.outline.detection import (
@@ -87,6 +88,36 @@ def test_a_heading_on_a_ground_of_its_own_belongs_to_the_sheet() -> None:
     cv2.fillPoly(photo, [np.round(bar).astype(np.int32)], (28, 46, 110), cv2.LINE_AA)
     _, corner = _errors(find_outline(photo), sides_of(CORNERS), CORNERS)
     assert corner < 2.5
+
+
+@pytest.mark.parametrize("side", [0, 2, 3])
+@pytest.mark.parametrize("share", [0.03, 0.08])
+def test_a_band_as_dark_as_the_desk_belongs_to_the_sheet(side: int, share: float) -> None:
+    # Its border parts the colours better than the sheet's edge beyond it, but the sides next to it go on.
+    photo = draw_sheet(sides_of(CORNERS), SIZE, ground=(44, 38, 42))
+    a, b = CORNERS[side], CORNERS[(side + 1) % 4]
+    band = np.array([a, b, b + share * (CORNERS[(side + 2) % 4] - b), a + share * (CORNERS[side - 1] - a)])
+    cv2.fillPoly(photo, [np.round(band).astype(np.int32)], (70, 40, 44), cv2.LINE_AA)
+    x, y = np.meshgrid(np.arange(150, 500, 12), np.arange(160, 660, 20))
+    text = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
+    _, corner = _errors(find_outline(photo, text, 10.0), sides_of(CORNERS), CORNERS)
+    assert corner < 5.0
+
+
+def test_a_band_is_as_wide_as_the_sheet() -> None:
+    sides = [
+        CORNERS[k] + np.linspace(0, 1, 40)[:, None] * (CORNERS[(k + 1) % 4] - CORNERS[k]) for k in range(4)
+    ]
+    foot = CORNERS + np.array([[0, 0], [0, 0], [2, 40], [-2, 40]])
+    assert band_side(foot, sides) == 2
+    bulge = np.concatenate([sides[0], sides[1], sides[2][:14], [[330, 800]], sides[2][26:], sides[3]])
+    assert band_side(bulge, sides) is None
+    wedge = CORNERS + np.array([[0, 0], [0, 0], [2, 40], [0, 0]])
+    assert band_side(wedge, sides) is None
+    assert band_side(CORNERS + np.array([[-40, 0], [0, 0], [2, 40], [-40, 40]]), sides) is None, (
+        "on two sides"
+    )
+    assert band_side(CORNERS, sides) is None
 
 
 def test_fingers_leave_a_gap_and_the_side_goes_on() -> None:
