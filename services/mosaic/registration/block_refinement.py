@@ -26,7 +26,7 @@ BLUR_PX = 1.0
 """Blur of both views: it increases the range of convergence and suppresses interpolation artefacts."""
 EVALUATIONS = 3
 """Comparisons of blocks: a step, one to where the steps of a geometric series would end, and one more. Of 23 pairs the
-matches of 20 are nearer to their limits than after six plain steps."""
+median match is nearer to its limit than after six plain steps on 14, as near on 5, 0.0001 to 0.0002 px farther on 4."""
 MOST_LEFT = 0.75
 """Largest ratio of one step to the one before, either way. Where the other view is sharper, steps are too long, and
 turn back by half."""
