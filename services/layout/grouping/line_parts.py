@@ -20,7 +20,7 @@ from services.layout.matching import NO_PROOF, conditional_costs, match_directly
 from services.layout.matching.cost_tables import CostTables
 from services.layout.model.compiled_model import compile_model
 from services.layout.model.cost import build_cost_tables
-from services.layout.model.layout_model import LayoutModel, ModelNode, PieceStatistics
+from services.layout.model.layout_model import LayoutModel, ModelNode
 from services.layout.page import Page
 from services.layout.recognition.label_evidence import zone_shares
 from services.layout.segmentation import FinePage, Line, compose_with_lines
@@ -31,8 +31,6 @@ MOST_PARTS = 200
 """Of a page; pairs grow with their square. A page with more lines is no form."""
 LEAST_SHARE = 0.1
 """Of the zones of a label that lie within larger ones, from which on it is looked for there."""
-PRIOR_ZONES = 1.0
-"""As if so many zones had been seen that are whole."""
 KEY_SHARE = 0.5
 """Of the zones of a label that are parts, those whose key ends with one word, from which on a line is cut behind it."""
 _MAY_BE = 2.0
@@ -57,18 +55,13 @@ LEAST_PARTS = 2
 """Parts with the label from which on it is looked for, where there are as many samples: one is chance."""
 
 
-def share_within(label: PieceStatistics) -> float:
-    """Share of the zones of a label that are parts of larger zones of segmentation, by what the class has seen."""
-    return label.within / (label.whole + label.divided + label.within + PRIOR_ZONES)
-
-
 def labels_of_parts(model: LayoutModel) -> frozenset[str]:
     """The labels that the samples of a model have often enough within larger zones."""
     least = max(LEAST_PAGES * model.samples, min(LEAST_PARTS, model.samples))
     return frozenset(
         node.label
         for node in model.nodes
-        if node.label is not None and node.pieces.within >= least and share_within(node.pieces) >= LEAST_SHARE
+        if node.label is not None and node.pieces.within >= least and node.pieces.share_within >= LEAST_SHARE
     )
 
 

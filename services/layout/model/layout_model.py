@@ -33,6 +33,10 @@ MOST_BIAS = 100.0
 """Of a calibration, and of log odds that a model learns; both are some units."""
 
 
+_PRIOR_ZONES = 1.0
+"""As if so many zones of a label had been seen that are whole."""
+
+
 @dataclass(frozen=True, slots=True)
 class NumericExpectation:
     """Typical value of a numeric attribute of a model node; its weight is the inverse of `variance` (5.6.1).
@@ -66,6 +70,11 @@ class PieceStatistics:
     merged: float = 0.0
     apart: float = 0.0
     within: float = 0.0
+
+    @property
+    def share_within(self) -> float:
+        """Share of the zones of the label that are parts of larger ones of segmentation, by what the class has seen."""
+        return self.within / (self.whole + self.divided + self.within + _PRIOR_ZONES)
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ SURE = 0.9
 """Of 6900 pages of simulated stacks by models of 2 to 8 samples 6 were wrong that were surer to begin a document, or
 not to; where a class has no model 11 of 3500."""
 _MOST_LACKING = 0.9
-"""Probability that a later page lacks a label that none of its samples has: they are few, and labels may be wrong."""
+"""Probability that a page has no zone with a label that no sample has: they are few, and labels may be wrong."""
 
 Likelihoods = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Log likelihoods (K,) of a page as the first one of a document of each class, and as a later one."""
@@ -131,15 +131,22 @@ def _presence(model: LayoutModel, labels: Set[str | None], later: Sequence[Layou
 
     A page like the samples lacks a label with the probability of which `count_costs[0]` is the negative logarithm. A
     later page lacks it as often as the samples of the models of `later` do, or with 1/2 where there are none. Labels
-    that most samples lack say nothing.
+    that most samples lack say nothing. Those that they have within larger zones are mostly missing on either page, as
+    these zones are whole yet (`line_parts`).
     """
     total = 0.0
     for node in model.nodes:
         lacking = math.exp(-node.count_costs[0])
         if node.label is not None and lacking < 0.5:
             other = max((_lacking(each, node.label) for each in later), default=0.5)
-            total += math.log((1.0 - lacking) / (1.0 - other) if node.label in labels else lacking / other)
+            own, others = (_unseen(each, node.pieces.share_within) for each in (lacking, other))
+            total += math.log((1.0 - own) / (1.0 - others) if node.label in labels else own / others)
     return total
+
+
+def _unseen(lacking: float, within: float) -> float:
+    """Probability that no zone of a page has a label, by that of lacking it and the share within larger zones."""
+    return min(_MOST_LACKING, lacking + (1.0 - lacking) * within)
 
 
 def _lacking(model: LayoutModel, label: str) -> float:

@@ -6,7 +6,6 @@ from services.layout.content.content_features import content_features
 from services.layout.grouping.line_parts import (
     cut_lines,
     key_ends,
-    share_within,
     take_out_parts,
 )
 from services.layout.learning.label_transfer import come_apart, zones_within
@@ -71,7 +70,7 @@ def test_a_drawn_part_of_a_zone_is_a_part_and_the_rest_is_left() -> None:
 
 def test_a_model_of_parts_takes_the_part_out_of_a_new_page() -> None:
     model = model_of_slips()
-    shares = {node.label: share_within(node.pieces) for node in model.nodes}
+    shares = {node.label: node.pieces.share_within for node in model.nodes}
     assert shares["total"] > 0.5 > shares["head"]
     fine = slip(11)
     cut = take_out_parts(fine, model, content_features())
@@ -102,6 +101,6 @@ def test_a_class_without_parts_keeps_its_zones() -> None:
     assert take_out_parts(fine, replace(model, nodes=nodes), content_features()) is fine
     rare = replace(model, samples=40)
     assert take_out_parts(fine, rare, content_features()) is fine, "five parts in forty samples are chance"
-    assert share_within(PieceStatistics(whole=3.0)) == 0.0
+    assert PieceStatistics(whole=3.0).share_within == 0.0
     unread = replace(fine, words=((),) * len(fine.lines), texts=("",) * len(fine.lines))
     assert take_out_parts(unread, model, content_features()) is unread

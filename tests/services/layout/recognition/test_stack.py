@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, content_features, initialize_model
 from services.layout.recognition.documents import DocumentParameters, recognize_document
@@ -123,6 +124,27 @@ def test_middle_pages_begin_nothing_where_all_samples_were_last_ones() -> None:
     letters = [document(seed, "letter", 3) for seed in range(4)]
     found = part([page for letter in letters for page in letter], models)
     assert found.beginnings == (0, 3, 6, 9)
+
+
+def test_labels_within_larger_zones_are_not_missed_on_first_pages() -> None:
+    """A date in the line of a letterhead is no zone before parts of lines are taken out."""
+    samples = [document(9000 + seed, "letter", 2) for seed in range(SAMPLES)]
+    first = model("letter", [page for page, _ in samples])
+    later = model("letter-later", [page for _, page in samples], continues="letter")
+    within = {"date", "letterhead"}
+    nodes = (
+        replace(node, pieces=PieceStatistics(within=9.0)) if node.label in within else node
+        for node in first.model.nodes
+    )
+    in_lines = replace(first, model=replace(first.model, nodes=tuple(nodes)))
+    letters = [document(seed, "letter", 2) for seed in range(4)]
+    pages = [
+        replace(page, zones=tuple(zone for zone in page.zones if zone.label not in within))
+        for letter in letters
+        for page in letter
+    ]
+    assert part(pages, [in_lines, later]).beginnings == (0, 2, 4, 6)
+    assert len(part(pages, [first, later]).beginnings) < 4
 
 
 @pytest.mark.parametrize("with_later", [True, False], ids=["later models", "first models alone"])
