@@ -26,6 +26,9 @@ LEAST_PRINT = 0.04
 PRINT_LEFT = 0.5
 """Share of the print's darkness in other photos, below which it is lost. Blur does not change darkness: of photos
 without anything in the way 1 % of the cells have less than 0.6 of it."""
+WHITE_PAPER = 0.05
+"""Share of the cells with print whose paper is clipped, from which on white paper is the page's, as for one photo
+(`quality`). White pages have 0.4 to 0.6, sheets with glare in each photo at most 0.004."""
 CLIPPED_SHARE = 0.5
 """Share of a cell from which it is clipped: its level tells nothing."""
 WHOLE = 0.99
@@ -120,6 +123,8 @@ def find_hidden_cells(views: Sequence[CanvasView], gains: Sequence[FloatImage]) 
         brighter = (cells.levels - paper[at]).mean(axis=2) > LEAST_DEVIATION / 2
         clipped[at] |= _with_steep_rim(cells.known & cells.clipped & brighter, cells)
     clipped &= legible == 0
+    if _has_white_paper(measured):
+        clipped[:] = False
     shared = count > 1
     if not shared.any():
         return HiddenCells(tuple(np.zeros(cells.known.shape, bool) for cells in measured), count > 0, clipped)
@@ -216,6 +221,13 @@ def _fit_paper(
         solved = np.linalg.solve(weighted.T @ A + 1e-6 * len(A) * np.eye(A.shape[1]), weighted.T @ b)
         left = b - A @ solved
     return np.asarray(surface @ solved, np.float32)
+
+
+def _has_white_paper(measured: Sequence[CellMeasures]) -> bool:
+    """Whether paper round print is clipped: no glare can be told from it. Glare hides print."""
+    printed = [cells.known & (cells.darkness > LEAST_PRINT) for cells in measured]
+    white = sum(int((each & cells.clipped).sum()) for each, cells in zip(printed, measured, strict=True))
+    return white > WHITE_PAPER * sum(int(each.sum()) for each in printed)
 
 
 def _compare(

@@ -117,6 +117,17 @@ def test_white_paper_inside_a_dark_frame_is_no_glare(page: FloatImage) -> None:
     assert not cells.clipped.any()
 
 
+def test_white_paper_between_pictures_is_no_glare(page: FloatImage) -> None:
+    """Pictures take the surface of the paper down, so that white paper among them seems brighter."""
+    white = np.minimum(page * 1.6, 255)
+    rows, columns = np.mgrid[: page.shape[0], : page.shape[1]]
+    pictures = (rows < 0.7 * page.shape[0]) & (rows % 60 < 40) & (columns % 80 < 58)
+    white[pictures] = 90
+    white[pictures & (rows % 4 < 2) & (columns % 4 < 2)] = 20
+    cells = find_hidden_cells([view(white, seed) for seed in range(2)], [np.ones_like(page)] * 2)
+    assert not cells.clipped.any()
+
+
 def test_one_photo_hides_nothing(page: FloatImage) -> None:
     assert [each.any() for each in found(glare(page, disc(200, 150, 45, 8)))] == [False]
 
