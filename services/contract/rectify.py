@@ -20,10 +20,28 @@ MOST_MARGIN = 20.0
 
 
 @dataclass(frozen=True, slots=True)
+class PrintedWord:
+    """A word that a page of a PDF prints, as its file says.
+
+    `box` (x0, y0, x1, y1) is in fractions of the width and height of the page's picture. `line` numbers its lines.
+    """
+
+    text: str
+    box: tuple[float, float, float, float]
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
 class TypesetPage:
-    """A page of a PDF that is set in type, not an image of a page: it is flat, and upright after a clockwise `turn`."""
+    """A page of a PDF that is set in type, not an image of a page: it is flat, and upright after a clockwise `turn`.
+
+    `words` are those that it prints; without any they are not known, and the page is read as others are.
+    `has_pictures`: it may show print that is not among them.
+    """
 
     turn: Rotation
+    words: tuple[PrintedWord, ...] = ()
+    has_pictures: bool = True
 
 
 Origin = Literal["photo", "page"] | TypesetPage

@@ -10,7 +10,7 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.contract.images import DocumentLimits, ImageLimits
-from services.contract.rectify import Origin, TypesetPage
+from services.contract.rectify import Origin
 from services.errors import DocumentError, InvalidOption, TooLarge, UnsupportedMediaType
 from services.imaging import containers
 from services.imaging.codec import DecodedImage, UploadFormat, count_pixels, decode_image, detect_format
@@ -223,8 +223,7 @@ class _Pdf:
     def decode(self, page: int, enough_px: int | None) -> PagePicture:
         width, height, scale = self._plan(page)
         picture = np.ascontiguousarray(self.pages.draw(page, scale)[:height, :width])
-        turn = self.pages.print_turn(page)
-        origin: Origin = "page" if turn is None else TypesetPage(turn)
+        origin: Origin = self.pages.look_for_type(page) or "page"
         return PagePicture(picture, None, dpi=scale * POINTS_PER_INCH, origin=origin)
 
     def _plan(self, page: int) -> tuple[int, int, float]:

@@ -5,6 +5,7 @@ gigabytes. So each PDF gets a process with limits of its own on time and memory,
 this process. It starts in about 0.2 s.
 """
 
+import json
 import os
 import signal
 import subprocess
@@ -20,7 +21,7 @@ import numpy as np
 
 import services
 from services.arrays import RgbImage
-from services.contract.rectify import Rotation
+from services.contract.rectify import PrintedWord, Rotation, TypesetPage
 from services.errors import DocumentError, TooLarge, UndecodableImage
 from services.imaging.pdf_process import read_message, write_message
 
@@ -75,11 +76,16 @@ class PdfPages:
         pixels = pixels.reshape(rows, -1, channels)
         return np.array(pixels[:, :, :3] if channels > 1 else np.repeat(pixels, 3, axis=2))  # a copy
 
-    def print_turn(self, page: int) -> Rotation | None:
-        """The clockwise turn after which a page, counted from 0, is upright; None if it is not set in type."""
-        header, _ = self._exchange({"turned": page}, b"", f"Page {page + 1} of the PDF")
+    def look_for_type(self, page: int) -> TypesetPage | None:
+        """What a page, counted from 0, says of its type; None if it is not set in type."""
+        header, body = self._exchange({"type": page}, b"", f"Page {page + 1} of the PDF")
         turn: Rotation | None = header["turn"]
-        return turn
+        if turn is None:
+            return None
+        words = tuple(
+            PrintedWord(text, (x0, y0, x1, y1), line) for text, (x0, y0, x1, y1), line in json.loads(body)
+        )
+        return TypesetPage(turn, words, header["pictures"])
 
     def _exchange(self, header: dict[str, object], body: bytes, what: str) -> tuple[dict[str, Any], bytes]:
         """The reply to a request; the process is killed when the reply takes too long."""

@@ -24,6 +24,7 @@ import pypdfium2.raw as pdfium
 
 from services.errors import DocumentError, UndecodableImage
 from services.imaging.pdf_structure import StructureLimits, check_page
+from services.imaging.pdf_words import FORMS, MOST_LOOKED_AT, NOT_SHOWN, WordJson, has_other_print, words_of
 
 LENGTHS = struct.Struct(">QQ")
 MOST_HEADER_BYTES = 1 << 20
@@ -36,11 +37,6 @@ MOST_USER_UNIT = 75_000.0
 """Points; with 14,400 units a side, more than any page."""
 _PASSWORD_ERROR = 4  # FPDF_ERR_PASSWORD
 _SHOWN = (pdfium.FPDF_PAGEOBJ_IMAGE, pdfium.FPDF_PAGEOBJ_TEXT)
-_NOT_SHOWN = (pdfium.FPDF_TEXTRENDERMODE_INVISIBLE, pdfium.FPDF_TEXTRENDERMODE_CLIP)
-_FORMS = 4
-"""Depth of forms within forms that are looked into."""
-_MOST_LOOKED_AT = 20_000
-"""Objects of a page, and characters: a page of print has some hundred and some thousand."""
 _COVERED = 0.5
 """Share of a page from which on its images are a page."""
 _PICTURE = 0.05
@@ -103,8 +99,9 @@ def serve(requests: IO[bytes], replies: IO[bytes], max_upload_bytes: int, page_s
             header, _ = read_message(requests, 0)
             allow_processor_time(page_s)
             try:
-                if "turned" in header:
-                    write_message(replies, {"turn": document.print_turn(header["turned"])})
+                if "type" in header:
+                    facts, words = document.look_for_type(header["type"])
+                    write_message(replies, facts, json.dumps(words).encode())
                     continue
                 bitmap = document.draw(header["page"], header["scale"])
             except DocumentError as error:
@@ -154,33 +151,35 @@ class _Document:
         except pypdfium2.PdfiumError as error:
             raise UndecodableImage(f"The PDF is damaged: its page {index + 1} cannot be drawn.") from error
 
-    def print_turn(self, index: int) -> int | None:
-        """The clockwise turn, degrees, after which a page is upright by its text; None if it is not set in type.
+    def look_for_type(self, index: int) -> tuple[dict[str, object], list[WordJson]]:
+        """What a page says of its type, and its words, none where they are not known.
 
-        It is set in type where images cover little of it, or where text is printed over them. Text that is not shown
-        belongs to a scan.
+        `turn` is the clockwise turn, degrees, after which it is upright by its text; None if it is not set in type: if
+        it has little text, or images cover it and its text is not printed over them. Text that is not shown belongs to
+        a scan. `pictures`: there may be print that is not among the words.
         """
         try:
             page = self._document[index]
             width, height = page.get_size()
             text, covered, characters = page.get_textpage(), 0.0, 0
-            for drawn in islice(page.get_objects(filter=_SHOWN, max_depth=_FORMS), _MOST_LOOKED_AT):
+            for drawn in islice(page.get_objects(filter=_SHOWN, max_depth=FORMS), MOST_LOOKED_AT):
                 left, bottom, right, top = drawn.get_bounds()
                 if drawn.type == pdfium.FPDF_PAGEOBJ_IMAGE:
                     share = (right - left) * (top - bottom) / (width * height)
                     covered += share
                     characters = 0 if share > _PICTURE else characters
-                elif pdfium.FPDFTextObj_GetTextRenderMode(drawn.raw) not in _NOT_SHOWN:
+                elif pdfium.FPDFTextObj_GetTextRenderMode(drawn.raw) not in NOT_SHOWN:
                     characters += pdfium.FPDFTextObj_GetText(drawn.raw, text.raw, None, 0) // 2 - 1
             if characters < (_FEW_CHARACTERS if covered < _COVERED else _CHARACTERS):
-                return None
-            looked_at = range(min(text.count_chars(), _MOST_LOOKED_AT))
+                return {"turn": None}, []
+            looked_at = range(min(text.count_chars(), MOST_LOOKED_AT))
             angles = np.array([pdfium.FPDFText_GetCharAngle(text.raw, k) for k in looked_at])
             quarters = np.bincount(np.round(angles / (np.pi / 2)).astype(int) % 4, minlength=4)
             # Angles of characters are clockwise, as the rotation of the page is.
-            return int(-90 * quarters.argmax() - page.get_rotation()) % 360
+            turn = int(-90 * quarters.argmax() - page.get_rotation()) % 360
+            return {"turn": turn, "pictures": covered > 0 or has_other_print(page)}, words_of(page, text)
         except pypdfium2.PdfiumError:
-            return None
+            return {"turn": None}, []
 
     def _check(self, index: int) -> None:
         """Check the structure, unless this library cannot read the file; the renderer repairs more."""

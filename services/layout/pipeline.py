@@ -41,6 +41,7 @@ from services.layout.segmentation import (
 from services.layout.tables.learning import gathered_samples, learn_table, table_page
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.lost_print import with_lost_print
+from services.ocr.printed_words import NOT_KNOWN, PrintedWords, believed_words
 from services.ocr.softer_reading import read_best
 
 __all__ = [
@@ -52,6 +53,7 @@ __all__ = [
     "fine_page",
     "initialize_model",
     "initialize_with_items",
+    "read_all",
     "read_page",
     "read_words",
     "readable",
@@ -80,21 +82,20 @@ def fine_page(
 
 
 def segment_read_page(
-    image: RgbImage, engine: OcrEngine, limit_s: float = float("inf")
+    image: RgbImage, engine: OcrEngine, limit_s: float = float("inf"), printed: PrintedWords = NOT_KNOWN
 ) -> tuple[Page, list[Word], bool]:
-    """The zones of a flat page (H, W, 3) in reading order, and all words that the engine read on it in `limit_s`.
-
-    The last is whether words were left unread, because the time was over.
-    """
-    gray, ends_s = luminance(image), time.process_time() + limit_s
-    even = readable(gray)
-    words, cut = read_best(even, engine, limit_s)
-    words = with_lost_print(even, words, engine, ends_s)
+    """The zones of a flat page (H, W, 3) in reading order, and all its words: see `read_all`."""
+    gray = luminance(image)
+    words, cut = read_all(gray, engine, limit_s, printed)
     return segment_page(gray, words), words, cut
 
 
 def complete_page(
-    page: Page, image: RgbImage | None, engine: OcrEngine | None, features: ContentFeatures | None = None
+    page: Page,
+    image: RgbImage | None,
+    engine: OcrEngine | None,
+    features: ContentFeatures | None = None,
+    printed: PrintedWords = NOT_KNOWN,
 ) -> Page:
     """A page with zones from a client, completed with measurements and texts from the image and with content features.
 
@@ -105,13 +106,17 @@ def complete_page(
         # Only text zones without text are a reason to run OCR, since rules and figures usually have none.
         unread = any(zone.kind == "text" and not zone.text for zone in page.zones)
         unread |= not any(zone.text for zone in page.zones)
-        words = read_words(gray, engine) if unread else None
+        words = read_words(gray, engine, printed) if unread else None
         page = fill_texts(measure_zones(gray, page), words or [])
     return (features or content_features()).measure_page(page)
 
 
 def complete_sample(
-    page: Page, image: RgbImage | None, engine: OcrEngine | None, features: ContentFeatures | None = None
+    page: Page,
+    image: RgbImage | None,
+    engine: OcrEngine | None,
+    features: ContentFeatures | None = None,
+    printed: PrintedWords = NOT_KNOWN,
 ) -> tuple[Page, Page | None]:
     """A completed verified page, and the same page in the zones that segmentation finds in its image.
 
@@ -122,7 +127,7 @@ def complete_sample(
     if image is None:
         return complete_page(page, None, None, features), None
     gray = luminance(image)
-    words = read_words(gray, engine)
+    words = read_words(gray, engine, printed)
     features = features or content_features()
     verified = features.measure_page(fill_texts(measure_zones(gray, page), words or []))
     found = features.measure_page(transfer_labels(page, segment_page(gray, words)))
@@ -277,12 +282,28 @@ def _join_pieces(
     return join_recognition(seen, features.measure_page(page), ordered)
 
 
-def read_words(gray: GrayImage, engine: OcrEngine | None) -> list[Word] | None:
+def read_words(
+    gray: GrayImage, engine: OcrEngine | None, printed: PrintedWords = NOT_KNOWN
+) -> list[Word] | None:
     """Words of a page; None without an engine."""
-    if engine is None:
-        return None
+    return None if engine is None else read_all(gray, engine, printed=printed)[0]
+
+
+def read_all(
+    gray: GrayImage, engine: OcrEngine, limit_s: float = float("inf"), printed: PrintedWords = NOT_KNOWN
+) -> tuple[list[Word], bool]:
+    """Words of a page (H, W): those `printed` on it, and those that the engine reads beside them in `limit_s`.
+
+    The last is whether words were left unread, because the time was over.
+    """
+    ends_s = time.process_time() + limit_s
+    printed = believed_words(printed, gray, engine)
+    if printed.words and printed.is_all:
+        return list(printed.words), False
     even = readable(gray)
-    return with_lost_print(even, read_best(even, engine, float("inf"))[0], engine)
+    words, cut = read_best(even, engine, limit_s)
+    words = with_lost_print(even, printed.joined(words), engine, ends_s)
+    return printed.joined(words), cut
 
 
 def readable(gray: GrayImage) -> GrayImage:

@@ -11,6 +11,9 @@ MADE_UP = 0.3
 UNSURE = 0.5
 """Confidence below which a word may be wrong; a line that is read with more is print, however it looks."""
 
+CERTAIN = 1.0
+"""Confidence of a word that was not read, since the page's file says it. No engine is so sure."""
+
 
 @dataclass(frozen=True, slots=True)
 class Word:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from services.ocr.engine import CERTAIN
+
 LEAST, LARGEST = 0.01, 0.985
 """Confidences are bounded to this range, beyond which there were no words to learn from."""
 
@@ -36,6 +38,8 @@ def features_of(confidence: float) -> tuple[float, float, float]:
 
 def probability_right(confidence: float, trust: WordTrust | None = None) -> float:
     """Probability, 0-1, that a word of the engine's `confidence` is right."""
+    if trust is None and confidence >= CERTAIN:
+        return 1.0
     t = trust or _SHIPPED
     one, sure, doubt = features_of(confidence)
     logit = t.constant * one + t.of_confidence * sure + t.of_doubt * doubt

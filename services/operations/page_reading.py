@@ -18,6 +18,7 @@ from services.layout.segmentation.reading_order import reading_order
 from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word
 from services.ocr.languages import language_tag
+from services.ocr.printed_words import NOT_KNOWN, PrintedWords
 from services.ocr.tesseract import default_language, installed_languages
 from services.ocr.word_trust import probability_right
 from services.operations.reader import ocr_engine
@@ -86,7 +87,11 @@ def check_installed(language: str | None) -> None:
 
 
 def read_flat_page(
-    image: RgbImage, engine: OcrEngine, language: str, mesh: NDArray[np.float64] | None = None
+    image: RgbImage,
+    engine: OcrEngine,
+    language: str,
+    mesh: NDArray[np.float64] | None = None,
+    printed: PrintedWords = NOT_KNOWN,
 ) -> PageText:
     """The text of a flat page.
 
@@ -100,10 +105,12 @@ def read_flat_page(
         What the engine reads.
     mesh
         (rows, columns, 2): the photo points of the page, as `RectifyResult.mesh`; None if there is no single photo.
+    printed
+        The words that the page's file says are on it.
     """
     height, width = image.shape[:2]
     with read_in_time():
-        page, words, cut = segment_read_page(image, engine, LIMIT_S)
+        page, words, cut = segment_read_page(image, engine, LIMIT_S, printed)
     # An engine's box may have no extent, or end outside of the picture.
     words = [word for word in words if word.box[2] > word.box[0] and word.box[3] > word.box[1]]
     blocks = arrange_words(words, _believable_regions(page, words))

@@ -19,6 +19,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.imaging.looks import scanner_look
 from services.imaging.page_images import PagePicture
 from services.imaging.square_pixels import square_pixels
+from services.ocr.printed_words import PrintedWords
 from services.operations.capture_reply import describe_quality
 from services.operations.page_bundle import keep_page
 from services.operations.page_reading import READING_BEGINS, READING_CUT, read_flat_page, reading_engine
@@ -50,6 +51,7 @@ from services.rectify.results import RectifyResult
 from services.rectify.spread import RectifiedPages, page_timings, rectify_spread
 from services.sheet.surfaces import MeshSurface, PlaneSurface, StripsSurface, Surface
 from services.side_by_side import SideStep
+from services.text.printed_places import printed_in_view
 
 
 def rectify_picture(
@@ -150,9 +152,8 @@ def describe_page(
     if parameters.text:
         engine, language = reading_engine(parameters.language)
         with timed("reading", result.timings_ms, READING_BEGINS):
-            text = read_flat_page(
-                result.image, engine, language, in_pixels_of_file(result, photo.stretch).mesh
-            )
+            mesh = in_pixels_of_file(result, photo.stretch).mesh
+            text = read_flat_page(result.image, engine, language, mesh, _printed_words(result, photo))
         if text.cut:
             result = replace(result, warnings=(*result.warnings, READING_CUT))
     words = None if text is None else text.words
@@ -172,6 +173,11 @@ def describe_page(
             page = replace(page, kept=keep_page(result, whole, parameters, photo, text))
     page = replace(page, quality=quality)
     return page if text is None else replace(page, text=text.resized(width, height))
+
+
+def _printed_words(result: RectifyResult, photo: PagePicture) -> PrintedWords:
+    (height, width), (rows, columns) = photo.pixels.shape[:2], result.image.shape[:2]
+    return printed_in_view(photo.origin, (width, height), result.mesh, (columns, rows))
 
 
 def describe_preview(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.contract.boxes import SAME_ROW
-from services.ocr.engine import MADE_UP, Word, mean_confidence
+from services.ocr.engine import CERTAIN, MADE_UP, Word, mean_confidence
 from services.text.page_text import BlockKind, Box, ReadLine, TextBlock, is_right_to_left
 from services.text.word_boxes import settle_boxes, with_common_rows
 
@@ -57,10 +57,10 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     """Blocks of all `words` (in the engine's order), in the order of `regions`.
 
     A word belongs to the region that segmentation put it in, else to the smallest region that contains its centre; a
-    line to the region of most of its letters, signs and digits counting little: a row with an amount is where its words
-    are. Lines in no region make blocks of their own, each after the last block
-    that lies above it, but for words and rows that the engine probably made up. Without regions nothing is left out:
-    then there is no place where print is expected.
+    line to the region of most of its letters, signs and digits counting little: a row with an amount is where its
+    words are. Lines in no region make blocks of their own, each after the last block that lies above it, a printed
+    head of the page before all; but for words and rows that the engine probably made up. Without regions nothing is
+    left out: then there is no place where print is expected.
     """
 
     region_of = {box: index for index, region in enumerate(regions) for box in region.words}
@@ -88,7 +88,8 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     for row in rows_of(others):
         if kept := _believed(row.words) if regions else row.words:
             block = TextBlock((ReadLine(tuple(kept)),))
-            blocks.insert(_after_above(blocks, block.box), block)
+            is_first = row.words[0].confidence >= CERTAIN and all(_is_below(each, block) for each in blocks)
+            blocks.insert(0 if is_first else _after_above(blocks, block.box), block)
     return tuple(blocks)
 
 
@@ -170,6 +171,10 @@ def _lines_of(words: Sequence[Word]) -> list[Part]:
     for number, word in enumerate(words):
         lines.setdefault(-1 - number if word.line is None else word.line, []).append(word)
     return [sorted(line, key=lambda word: word.box[0] + word.box[2]) for line in lines.values()]
+
+
+def _is_below(block: TextBlock, other: TextBlock) -> bool:
+    return block.box[1] >= other.box[3]
 
 
 def _after_above(blocks: Sequence[TextBlock], box: Box) -> int:

@@ -12,7 +12,7 @@ from services.ocr.word_trust import LARGEST, LEAST, WordTrust, confidence_for, p
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 def test_a_surer_word_is_more_probably_right(one: float, other: float) -> None:
     low, high = sorted((one, other))
-    assert 0.0 < probability_right(low) <= probability_right(high) < 1.0
+    assert 0.0 < probability_right(low) <= probability_right(high) <= 1.0
 
 
 @pytest.mark.parametrize(
