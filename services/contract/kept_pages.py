@@ -1,18 +1,28 @@
 """Kept photos: what is kept of a page, and what a later answer may change."""
 
 import io
+import json
 import zipfile
 from dataclasses import dataclass
 from typing import Literal, NotRequired, TypedDict
 
-from services.contract.rectify import Corners, Crop, Illumination, Origin, PageKind, Rotation, TypesetPage
+from services.contract.rectify import (
+    Corners,
+    Crop,
+    Illumination,
+    Origin,
+    PageKind,
+    PrintedWord,
+    Rotation,
+    TypesetPage,
+)
 
 MOST_BOUND_PAGES = 200
 """Of one file of kept pages."""
 
 
-PHOTO = "photo"
-"""Name of the photo in the file of a kept page."""
+PHOTO, WORDS = "photo", "words.json"
+"""Names in the file of a kept page: of its photo, and of what a page of a PDF prints, if its file says that."""
 
 
 class OrientationJson(TypedDict):
@@ -34,9 +44,17 @@ class PaperJson(TypedDict):
     reason: str
 
 
+class SizeJson(TypedDict):
+    """Pixels of a photo."""
+
+    width: int
+    height: int
+
+
 class FlatJson(TypedDict):
     """`RectifyResult` without picture and text: what is read of it again."""
 
+    photo: SizeJson
     orientation: OrientationJson
     corners: list[list[float]]
     page: PaperJson | None
@@ -141,8 +159,16 @@ class KeptPage:
         """That of its picture."""
         turn = self.document.get("print_turn")
         if turn is not None:
-            return TypesetPage(turn)
+            return self._typeset(turn)
         return "page" if self.document["is_document"] else "photo"
+
+    def _typeset(self, turn: Rotation) -> TypesetPage:
+        with zipfile.ZipFile(io.BytesIO(self.bundle)) as archive:
+            if WORDS not in archive.namelist():
+                return TypesetPage(turn)
+            kept = json.loads(archive.read(WORDS))
+        words = (PrintedWord(text, (x0, y0, x1, y1), line) for text, (x0, y0, x1, y1), line in kept["words"])
+        return TypesetPage(turn, tuple(words), kept["has_pictures"])
 
     def photo(self) -> bytes:
         """The photo: an image file."""

@@ -112,11 +112,7 @@ def complete_page(
 
 
 def complete_sample(
-    page: Page,
-    image: RgbImage | None,
-    engine: OcrEngine | None,
-    features: ContentFeatures | None = None,
-    printed: PrintedWords = NOT_KNOWN,
+    page: Page, image: RgbImage | None, engine: OcrEngine | None, features: ContentFeatures | None = None
 ) -> tuple[Page, Page | None]:
     """A completed verified page, and the same page in the zones that segmentation finds in its image.
 
@@ -127,7 +123,7 @@ def complete_sample(
     if image is None:
         return complete_page(page, None, None, features), None
     gray = luminance(image)
-    words = read_words(gray, engine, printed)
+    words = read_words(gray, engine)
     features = features or content_features()
     verified = features.measure_page(fill_texts(measure_zones(gray, page), words or []))
     found = features.measure_page(transfer_labels(page, segment_page(gray, words)))

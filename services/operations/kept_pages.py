@@ -268,7 +268,7 @@ def draw_kept(
     text = None
     if reading is not None:
         with timed("reading", timings_ms):
-            text = text_of(document, view.part, flat, reading, view.mesh(document))
+            text = text_of(document, view.part, flat, reading, view.mesh(document), kept.origin())
         keep_text(document, view.part, text)
     frame, flat, dpi = _reduced(frame, flat, view.dpi, encoding)
     described = _described(document, flat.shape, replace(view, frame=frame, dpi=dpi))

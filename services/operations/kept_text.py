@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from services.arrays import RgbImage
 from services.contract.kept_pages import KeptPageJson, PageReading, ReadTextJson
-from services.contract.rectify import Crop
+from services.contract.rectify import Crop, Origin, TypesetPage
 from services.ocr.engine import Word
+from services.ocr.printed_words import NOT_KNOWN
 from services.operations.page_reading import check_installed, read_flat_page, reading_engine
 from services.operations.replies import to_json_ready
 from services.text.page_text import PageText, ReadLine, TextBlock
 from services.text.photo_places import locate_boxes
+from services.text.printed_places import printed_in_view
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,15 +79,20 @@ def text_of(
     view: RgbImage,
     reading: PageReading,
     mesh: NDArray[np.float64],
+    origin: Origin,
 ) -> PageText:
-    """The text of a `view` (H, W, 3) of `part`: what is kept of it, else it is read.
+    """The text of a `view` (H, W, 3) of `part`: what is kept of it, else it is read, or its file says it (`origin`).
 
     `mesh` (rows, columns, 2) has the photo points of the view. Raises what `kept_text` raises.
     """
     text = kept_text(document, part, reading)
-    if text is None:
-        return read_flat_page(view, *reading_engine(reading.language), mesh)
     height, width = view.shape[:2]
+    if text is None:
+        printed = NOT_KNOWN
+        if isinstance(origin, TypesetPage):
+            photo = document["answer"]["photo"]
+            printed = printed_in_view(origin, (photo["width"], photo["height"]), mesh, (width, height))
+        return read_flat_page(view, *reading_engine(reading.language), mesh, printed)
     text = text.resized(width, height)
     return replace(text, places=locate_boxes(mesh, width, height, [word.box for word in text.words]))
 

@@ -21,7 +21,7 @@ from services.contract.layout import (
     LayoutSettings,
     ModelDocument,
 )
-from services.contract.rectify import RectifyParameters
+from services.contract.rectify import Origin, RectifyParameters
 from services.errors import TooLarge
 from services.imaging.codec import decode_image, encode_image
 from services.imaging.page_images import PagePicture
@@ -43,6 +43,7 @@ from services.layout.rendering.overlay import draw_overlay, place_of_page
 from services.layout.segmentation import FinePage
 from services.notices import Notice
 from services.ocr.engine import OcrEngine
+from services.ocr.printed_words import NOT_KNOWN
 from services.ocr.tesseract import default_language
 from services.operations.kept_picture import KeptPicture, encode_kept_picture
 from services.operations.layout_html import HtmlPage, render_html
@@ -65,6 +66,7 @@ from services.operations.upright_reading import read_as_it_lies, read_upright
 from services.progress import progress_within, report_progress
 from services.rectify.pipeline import rectify
 from services.rectify.results import Orientation
+from services.text.printed_places import printed_in_view, printed_on_page
 
 FLATTENED, MATCHING_BEGINS = 0.6, 0.8
 """Typical progress after flattening, and before matching."""
@@ -220,22 +222,30 @@ def measure_page(
     seen = 0.05
     notices: tuple[Notice, ...] = ()
     described: FlatPage | None = None
+    origin: Origin = "photo"
+    printed = NOT_KNOWN
     if decode is not None:
         with timed("decode", timings_ms, 0.02):
             photo = decode()
-        picture = photo.pixels
+        picture, origin = photo.pixels, photo.origin
+        size = picture.shape[1], picture.shape[0]
         if options.rectify:
             with progress_within(0.05, FLATTENED):
                 reader = ocr_engine(options.language)
                 flat = rectify(picture, RectifyParameters(), photo.focal_length_px, reader, photo.origin)
-            described = describe_flat_page(flat, (picture.shape[1], picture.shape[0]))
+            described = describe_flat_page(flat, size)
             picture, notices = flat.image, flat.warnings
+            printed = printed_in_view(origin, size, flat.mesh, (picture.shape[1], picture.shape[0]))
             timings_ms |= flat.timings_ms
             seen = FLATTENED
     if zones is None and zones_file is None:
         assert picture is not None, "the app has seen to that"
         with timed("zones", timings_ms, seen):
-            upright = read_as_it_lies(picture, engine) if options.rectify else read_upright(picture, engine)
+            upright = (
+                read_as_it_lies(picture, engine, printed)
+                if options.rectify
+                else read_upright(picture, engine, origin)
+            )
             page, fine = fine_page(upright.image, upright.words, features)
         kept = _keep(upright.image, options, timings_ms)
         notices = (*notices, *upright.notices)
@@ -248,7 +258,10 @@ def measure_page(
             page, left_out = read_file(zones_file or b"", picture, settings)
             notices += left_out
         check_frame(page, picture)
-        return MeasuredPage(complete_page(page, picture, engine, features), picture, notices, kept=kept)
+        if picture is not None and not options.rectify:
+            printed = printed_on_page(origin, (picture.shape[1], picture.shape[0]))
+        page = complete_page(page, picture, engine, features, printed)
+        return MeasuredPage(page, picture, notices, kept=kept)
 
 
 def _keep(picture: RgbImage, options: LayoutOptions, timings_ms: dict[str, float]) -> KeptPicture | None:

@@ -1,12 +1,13 @@
 """What is kept of a page: a file of its photo, of how its views are drawn, and of its first picture."""
 
 import io
+import json
 import zipfile
 from dataclasses import dataclass
 from typing import cast
 
-from services.contract.kept_pages import PHOTO, KeptPage, KeptPageJson, OptionsJson
-from services.contract.rectify import RectifyParameters, TypesetPage
+from services.contract.kept_pages import PHOTO, WORDS, KeptPage, KeptPageJson, OptionsJson
+from services.contract.rectify import Origin, RectifyParameters, TypesetPage
 from services.imaging.codec import DEFAULT_QUALITY, encode_image
 from services.imaging.page_images import PagePicture
 from services.operations.kept_text import keep_text, shown_part
@@ -22,26 +23,31 @@ PLAN, PICTURE = "plan.npz", "picture.jpg"
 class PageBundle:
     """`photo` is an image file; `plan` a packed `ViewPlan`; `picture` a JPEG file of the flat page before its look.
 
+    `words` are those of a page that is set in type, in JSON; empty where they are not known.
     The picture is what an answer of `DEFAULT_QUALITY` would have: files of kept pages take it as it is.
     """
 
     photo: bytes
     plan: bytes
     picture: bytes
+    words: bytes = b""
 
     def packed(self) -> bytes:
-        """The file. Its parts are compressed already, or hardly compressible."""
+        """The file. Its parts are compressed already, or hardly compressible, but for the words."""
         buffer = io.BytesIO()
         with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
             for name, part in ((PHOTO, self.photo), (PLAN, self.plan), (PICTURE, self.picture)):
                 archive.writestr(zipfile.ZipInfo(name), part)
+            if self.words:
+                archive.writestr(zipfile.ZipInfo(WORDS), self.words, zipfile.ZIP_DEFLATED)
         return buffer.getvalue()
 
 
 def open_bundle(packed: bytes) -> PageBundle:
     """The parts of a file that `PageBundle.packed` has made."""
     with zipfile.ZipFile(io.BytesIO(packed)) as archive:
-        return PageBundle(*(archive.read(name) for name in (PHOTO, PLAN, PICTURE)))
+        words = archive.read(WORDS) if WORDS in archive.namelist() else b""
+        return PageBundle(archive.read(PHOTO), archive.read(PLAN), archive.read(PICTURE), words)
 
 
 KEPT_OPTIONS = tuple(OptionsJson.__annotations__)
@@ -82,4 +88,12 @@ def keep_page(
     if text is not None:
         turn = result.orientation.rotation_deg
         keep_text(ready, shown_part(parameters.crop, parameters.margin, turn, result.plan.packed), text)
-    return KeptPage(PageBundle(original, result.plan.packed, picture).packed(), ready)
+    bundle = PageBundle(original, result.plan.packed, picture, _packed_words(photo.origin))
+    return KeptPage(bundle.packed(), ready)
+
+
+def _packed_words(origin: Origin) -> bytes:
+    if not isinstance(origin, TypesetPage) or not origin.words:
+        return b""
+    words = [(word.text, word.box, word.line) for word in origin.words]
+    return json.dumps({"has_pictures": origin.has_pictures, "words": words}).encode()

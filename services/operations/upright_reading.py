@@ -1,18 +1,25 @@
 """Reading of an image that nobody has turned: where it reads badly as it lies, it is turned and read again."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from services.arrays import RgbImage
+from services.contract.rectify import Origin, TypesetPage
+from services.geometry.homographies import transform_points
+from services.geometry.page_frame import turning
 from services.imaging.channels import luminance
-from services.layout.pipeline import readable
+from services.layout.pipeline import read_all, readable
 from services.notices import Notice
 from services.ocr.engine import OcrEngine, Word, mean_confidence
 from services.ocr.lost_print import with_lost_print
+from services.ocr.printed_words import NOT_KNOWN, PrintedWords
 from services.ocr.softer_reading import improved, read_best, read_within
 from services.operations.page_reading import LIMIT_S, READING_CUT, read_in_time
 from services.rectify.results import Orientation
 from services.rectify.view.orientation import apply_orientation, estimate_orientation
+from services.text.printed_places import printed_in_view
 
 READS_WELL = 0.6
 """Mean confidence of words from which on a page lies as it reads: upright pages have 0.75 to 0.95, others 0.0 to 0.45.
@@ -34,21 +41,23 @@ class UprightReading:
     notices: tuple[Notice, ...] = ()
 
 
-def read_as_it_lies(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
+def read_as_it_lies(
+    image: RgbImage, engine: OcrEngine | None, printed: PrintedWords = NOT_KNOWN
+) -> UprightReading:
     """The reading of an image that is upright."""
     if engine is None:
         return UprightReading(image, None)
     with read_in_time():
-        even, ends_s = readable(luminance(image)), time.process_time() + LIMIT_S
-        words, cut = read_best(even, engine, LIMIT_S)
-        words = with_lost_print(even, words, engine, ends_s)
+        words, cut = read_all(luminance(image), engine, LIMIT_S, printed)
     return UprightReading(image, words, notices=_left_unread(cut))
 
 
-def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
-    """The reading of an image, turned if it reads better so."""
+def read_upright(image: RgbImage, engine: OcrEngine | None, origin: Origin = "photo") -> UprightReading:
+    """The reading of an image, turned if it reads better so, or as its `origin` says."""
     if engine is None:
         return UprightReading(image, None)
+    if isinstance(origin, TypesetPage) and origin.words:
+        return _read_typeset(image, engine, origin)
     even, ends_s = readable(luminance(image)), time.process_time() + LIMIT_S
     with read_in_time():
         words, cut = read_within(even, engine, LIMIT_S)
@@ -67,6 +76,19 @@ def read_upright(image: RgbImage, engine: OcrEngine | None) -> UprightReading:
             words = improved(even, engine, words, limit_s=LIMIT_S)
         words = with_lost_print(even, words, engine, ends_s)
     return UprightReading(image, words, found, _left_unread(cut))
+
+
+def _read_typeset(image: RgbImage, engine: OcrEngine, origin: TypesetPage) -> UprightReading:
+    """The reading of a page whose file says how it is turned, and its words."""
+    found, (height, width) = Orientation(origin.turn, False, None), image.shape[:2]
+    H, turned_width, turned_height = turning(width, height, origin.turn, False)
+    right, foot = turned_width - 1.0, turned_height - 1.0
+    corners = np.array([[0, 0], [right, 0], [0, foot], [right, foot]])
+    mesh = np.asarray(transform_points(H, corners).reshape(2, 2, 2), np.float64)
+    printed = printed_in_view(origin, (width, height), mesh, (turned_width, turned_height))
+    read = read_as_it_lies(apply_orientation(image, found), engine, printed)
+    turned = (_turned(found),) if origin.turn else ()
+    return replace(read, orientation=found, notices=(*turned, *read.notices))
 
 
 def _left_unread(cut: bool) -> tuple[Notice, ...]:

@@ -40,7 +40,7 @@ def _reading_markup() -> Iterator[None]:
     from services.operations import kept_text
     from services.text.page_text import PageText, ReadLine, TextBlock
 
-    def read(view: Any, engine: object, language: str, mesh: Any) -> PageText:
+    def read(view: Any, engine: object, language: str, mesh: Any, printed: object) -> PageText:
         line = ReadLine((Word(MARKUP_READ, (10.0, 20.0, 70.0, 26.0), 0.9),))
         places = (((10.0, 20.0), (70.0, 20.0), (70.0, 26.0), (10.0, 26.0)),)
         return PageText(view.shape[1], view.shape[0], language, (TextBlock((line,)),), places)

@@ -34,7 +34,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[tuple[tuple[int, ...], str
     """Shape and language of each page that is read; one word is read on each."""
     done: list[tuple[tuple[int, ...], str]] = []
 
-    def read(view: Any, engine: object, language: str, mesh: Any) -> PageText:
+    def read(view: Any, engine: object, language: str, mesh: Any, printed: object) -> PageText:
         done.append((view.shape[:2], language))
         blocks = (TextBlock((ReadLine((WORD,)),)),)
         return PageText(view.shape[1], view.shape[0], language, blocks, ((((0, 0),) * 4),))  # type: ignore[arg-type]

@@ -230,7 +230,9 @@ def test_the_page_is_read_if_wanted(monkeypatch: pytest.MonkeyPatch, ocr: bool) 
     seen = []
     monkeypatch.setattr(layout, "ocr_engine", lambda language: "an engine")
     monkeypatch.setattr(
-        layout, "read_upright", lambda image, engine: seen.append(engine) or UprightReading(image, None)
+        layout,
+        "read_upright",
+        lambda image, engine, origin: seen.append(engine) or UprightReading(image, None),
     )
     photo = make_file(np.full((40, 60, 3), 255, np.uint8), "PNG")
     recognize_upload(photo, None, None, [], LayoutOptions(ocr=ocr), SETTINGS)

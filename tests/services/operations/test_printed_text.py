@@ -7,9 +7,11 @@ import pytest
 
 from services.arrays import GrayImage
 from services.contract.images import Encoding, ImageLimits
-from services.contract.rectify import RectifyParameters
+from services.contract.kept_pages import PageReading, PageWish
+from services.contract.rectify import RectifyParameters, TypesetPage
 from services.ocr.engine import Word
 from services.operations import page_reading, rectify
+from services.operations.kept_pages import render_kept_page
 from tests.services.imaging.test_page_images import set_in_type
 from tests.services.imaging.test_pdf_words import show, upload_of
 from tests.services.operations.documents import document_of
@@ -86,3 +88,20 @@ def test_text_of_a_scan_and_little_text_are_not_used(reader: Reader, make: Calla
     assert isinstance(text, dict)
     assert set(words_of(text)) <= {"LOGO", "garbled"}
     assert reader.pages > 0
+
+
+def test_a_page_that_is_kept_has_its_words(reader: Reader, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A later answer turns it, and reads nothing."""
+    monkeypatch.setattr(page_reading, "check_installed", lambda language: None)
+    upload = upload_of(show("Gr\xfc\xdfe aus K\xf6ln"))
+    reply = rectify_upload(upload, RectifyParameters(keep_photo=True), Encoding("json"), ImageLimits())
+    (kept,) = reply.kept
+    assert kept is not None
+    origin = kept.origin()
+    assert isinstance(origin, TypesetPage)
+    assert origin.words
+    reading = PageReading("eng")
+    later, _ = render_kept_page(kept, PageWish(rotate=0), Encoding("json"), reading)
+    text = document_of(later)["text"]
+    assert isinstance(text, dict)
+    assert (words_of(text), reader.pages) == (["Grüße", "aus", "Köln"], 0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from services.arrays import GrayImage, RgbImage
+from services.contract.rectify import PrintedWord, TypesetPage
 from services.ocr.engine import Word
 from services.operations.page_reading import LIMIT_S, READING_CUT
 from services.operations.upright_reading import UprightReading, read_as_it_lies, read_upright
@@ -36,6 +37,26 @@ class PageReader(FlagReader):
 
 def lying(turn: int) -> RgbImage:
     return np.repeat(laid(page_of_flags(), Orientation(turn, False, None))[..., None], 3, axis=2)
+
+
+@pytest.mark.parametrize("turn", [0, 90, 180, 270])
+def test_a_page_that_is_set_in_type_is_turned_as_its_file_says(turn: int) -> None:
+    """Its words are those of the file: "top" lies at the top left of the upright page, in a corner of the image."""
+    image = lying(turn)
+    corner = {0: (0.1, 0.1), 90: (0.1, 0.8), 180: (0.8, 0.8), 270: (0.8, 0.1)}[turn]
+    word = PrintedWord("top", (*corner, corner[0] + 0.1, corner[1] + 0.1), 3)
+    engine = PageReader()
+    engine.read_line = lambda image: ("", 0.0)  # type: ignore[method-assign]
+    found = read_upright(image, engine, TypesetPage(turn, (word,), has_pictures=False))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found.image, lying(0))
+    height, width = found.image.shape[:2]
+    assert found.words is not None
+    assert engine.pages == []
+    assert [(each.text, each.line) for each in found.words] == [("top", 3)]
+    shares = np.array(found.words[0].box) / (width, height, width, height)
+    np.testing.assert_allclose(shares, (0.1, 0.1, 0.2, 0.2), atol=0.002)
+    assert found.orientation == Orientation(turn, False, None)
+    assert [notice.code for notice in found.notices] == ["page-turned"] * (turn != 0)
 
 
 @pytest.mark.parametrize("turn", [90, 180, 270])
