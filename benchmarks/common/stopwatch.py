@@ -18,6 +18,12 @@ class Usage:
     wall_s: float = 0.0
     peak_mb: float = 0.0
 
+    def add(self, other: "Usage") -> None:
+        """Count a further step."""
+        self.cpu_s += other.cpu_s
+        self.wall_s += other.wall_s
+        self.peak_mb = max(self.peak_mb, other.peak_mb)
+
 
 @contextmanager
 def measured() -> Iterator[Usage]:

@@ -82,11 +82,7 @@ class Project:
         """By default a tool writes the project anew."""
         command = [tool, "-o", output or self.file, *arguments]
         trouble, usage = run_limited(command, str(self.folder))
-        self.usage.cpu_s, self.usage.wall_s = (
-            self.usage.cpu_s + usage.cpu_s,
-            self.usage.wall_s + usage.wall_s,
-        )
-        self.usage.peak_mb = max(self.usage.peak_mb, usage.peak_mb)
+        self.usage.add(usage)
         return not trouble
 
     def joined(self) -> list[int]:

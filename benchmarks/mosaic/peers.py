@@ -69,7 +69,7 @@ def chain_by_lightglue(photos: Sequence[RgbImage], python: str) -> PeerMosaic:
             matches = {pair: np.asarray(file[f"{pair[0]},{pair[1]}"], np.float64) for pair in _pairs(photos)}
     with measured() as drawing:
         image, placed, meshes = _assemble(photos, matches)
-    usage.cpu_s, usage.wall_s = usage.cpu_s + drawing.cpu_s, usage.wall_s + drawing.wall_s
+    usage.add(drawing)
     return PeerMosaic(image, placed, meshes, usage)
 
 

@@ -8,7 +8,8 @@ SAME_PX = 1.0
 SAME_ROW = 0.5
 """Common height of what is printed in one row, as a share of the lower one's."""
 CELL_IN_ROW = 0.3
-"""The same of a cell and its row of a table: boxes are drawn by hand, and a cell may have several lines."""
+"""Common height of a cell and its row in a table, as a share of the lower one's. People draw boxes roughly, and a cell
+may have several lines."""
 
 
 def area(box: Sides) -> float:

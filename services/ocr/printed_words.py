@@ -15,6 +15,8 @@ _LEAST_CONTRAST = 8
 """Gray levels in the box of a word that is seen; hidden text is of the colour of its ground, or under a rectangle."""
 _LINES_COMPARED = 3
 """The longest lines of a page, which an engine reads to see whether its file says what is there."""
+_MOST_COMPARED = 200
+"""Letters of a line, its first ones: the time of a comparison grows with the product of both lengths."""
 _ALIKE = 0.5
 """Share of letters in common of two texts of one line; two texts that have nothing to do with each other have 0.3."""
 
@@ -81,6 +83,7 @@ def _reads_otherwise(line: Sequence[Word], gray: GrayImage, engine: OcrEngine) -
     read, confidence = engine.read_line(np.ascontiguousarray(part))
     if confidence < READS_POORLY:
         return False
-    said = "".join(word.text for word in line).casefold()
-    alike = SequenceMatcher(None, "".join(read.split()).casefold(), said, autojunk=False).ratio()
-    return alike < _ALIKE
+    said, seen = (
+        "".join(words).casefold()[:_MOST_COMPARED] for words in ([w.text for w in line], read.split())
+    )
+    return SequenceMatcher(None, seen, said, autojunk=False).ratio() < _ALIKE

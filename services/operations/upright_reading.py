@@ -3,12 +3,8 @@
 import time
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from services.arrays import RgbImage
 from services.contract.rectify import Origin, TypesetPage
-from services.geometry.homographies import transform_points
-from services.geometry.page_frame import turning
 from services.imaging.channels import luminance
 from services.layout.pipeline import read_all, readable
 from services.notices import Notice
@@ -19,7 +15,7 @@ from services.ocr.softer_reading import improved, read_best, read_within
 from services.operations.page_reading import LIMIT_S, READING_CUT, read_in_time
 from services.rectify.results import Orientation
 from services.rectify.view.orientation import apply_orientation, estimate_orientation
-from services.text.printed_places import printed_in_view
+from services.text.printed_places import printed_on_page
 
 READS_WELL = 0.6
 """Mean confidence of words from which on a page lies as it reads: upright pages have 0.75 to 0.95, others 0.0 to 0.45.
@@ -80,12 +76,8 @@ def read_upright(image: RgbImage, engine: OcrEngine | None, origin: Origin = "ph
 
 def _read_typeset(image: RgbImage, engine: OcrEngine, origin: TypesetPage) -> UprightReading:
     """The reading of a page whose file says how it is turned, and its words."""
-    found, (height, width) = Orientation(origin.turn, False, None), image.shape[:2]
-    H, turned_width, turned_height = turning(width, height, origin.turn, False)
-    right, foot = turned_width - 1.0, turned_height - 1.0
-    corners = np.array([[0, 0], [right, 0], [0, foot], [right, foot]])
-    mesh = np.asarray(transform_points(H, corners).reshape(2, 2, 2), np.float64)
-    printed = printed_in_view(origin, (width, height), mesh, (turned_width, turned_height))
+    found = Orientation(origin.turn, False, None)
+    printed = printed_on_page(origin, (image.shape[1], image.shape[0]), origin.turn)
     read = read_as_it_lies(apply_orientation(image, found), engine, printed)
     turned = (_turned(found),) if origin.turn else ()
     return replace(read, orientation=found, notices=(*turned, *read.notices))

@@ -4,7 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats
-from services.contract.rectify import Origin, TypesetPage
+from services.contract.rectify import Origin, Rotation, TypesetPage
+from services.geometry.homographies import transform_points
+from services.geometry.page_frame import turning
 from services.ocr.engine import CERTAIN, Word
 from services.ocr.printed_words import NOT_KNOWN, PrintedWords
 
@@ -12,11 +14,14 @@ _BENT_PX = 1.0
 """Largest distance, in pixels of the view, between it and a view of the page that is turned, enlarged and cut."""
 
 
-def printed_on_page(origin: Origin, size: tuple[int, int]) -> PrintedWords:
-    """The words that are printed on a picture of `size` (width, height)."""
-    width, height = size
+def printed_on_page(origin: Origin, size: tuple[int, int], turn: Rotation = 0) -> PrintedWords:
+    """The words that are printed on a picture of `size` (width, height), turned clockwise by `turn` degrees."""
+    H, width, height = turning(*size, turn, False)
     right, foot = width - 1.0, height - 1.0
-    return printed_in_view(origin, size, np.array([[[0, 0], [right, 0]], [[0, foot], [right, foot]]]), size)
+    corners = np.array([[0, 0], [right, 0], [0, foot], [right, foot]])
+    return printed_in_view(
+        origin, size, np.asarray(transform_points(H, corners).reshape(2, 2, 2), np.float64), (width, height)
+    )
 
 
 def printed_in_view(

@@ -54,7 +54,7 @@ def places_of_cuts(
 
 
 def _ends_key(word: str, keys: Set[str]) -> bool:
-    return any(found in keys for found in words_of(word)[-1:]) if keys else False
+    return not keys.isdisjoint(words_of(word)[-1:]) if keys else False
 
 
 def _is_thousands(word: str, after: str) -> bool:

@@ -123,7 +123,7 @@ def find_hidden_cells(views: Sequence[CanvasView], gains: Sequence[FloatImage]) 
         brighter = (cells.levels - paper[at]).mean(axis=2) > LEAST_DEVIATION / 2
         clipped[at] |= _with_steep_rim(cells.known & cells.clipped & brighter, cells)
     clipped &= legible == 0
-    if _has_white_paper(measured):
+    if clipped.any() and _has_white_paper(measured):
         clipped[:] = False
     shared = count > 1
     if not shared.any():

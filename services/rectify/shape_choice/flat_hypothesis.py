@@ -152,12 +152,15 @@ def sheet_in_view(outline: SheetOutline | None, view: PhotoFrame, *, origin: Ori
     if outline is None:
         return False
     in_view = [side.seen for side in outline.sides if side.seen > 0.0]
-    least, whole = SHEET_CONFIDENCE, min(in_view, default=0.0) >= WHOLE_SIDE
-    if whole:
-        least = WHOLE_CONFIDENCE if len(in_view) == 4 else BELIEVED_CONFIDENCE
+    least = SHEET_CONFIDENCE
+    all_seen = min(side.seen for side in outline.sides) >= WHOLE_SIDE
+    if all_seen:
+        least = WHOLE_CONFIDENCE
+    elif min(in_view, default=0.0) >= WHOLE_SIDE:
+        least = BELIEVED_CONFIDENCE
     if outline.confidence < least:
         return False
-    if _hugs_frame(outline, view) and not (whole and len(in_view) == 4 and sides_bend(outline) > BENT_RIM):
+    if _hugs_frame(outline, view) and not (all_seen and sides_bend(outline) > BENT_RIM):
         return False
     if origin == "photo":
         return True

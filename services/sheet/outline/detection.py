@@ -203,9 +203,9 @@ def _with_band(
     measure: _Measure,
 ) -> MeasuredOutline:
     """The `best` outline, or one round a band beside it, of those that were `sought` or that its sides lead to."""
-    sides = [side.points for side in best.outline.sides]
     if not is_seen_whole(best.outline):
         return best
+    sides = [side.points for side in best.outline.sides]
     on_reduced = [reduced.from_photo(side) for side in sides]
     window = reduced.window_of(photo.shape, 1.0)
     led = (reduced.from_photo(curve) for curve in round_bands(photo, best.ended, window))
@@ -224,12 +224,9 @@ def _with_band(
     others = [best.ended[(band + n) % 4].points for n in (1, 2, 3)]
     curve = reduced.from_photo(np.concatenate([*others, outer.ended[band].points]))
     joined = measure(Candidate(curve, rate(curve), 0.0))
-    is_round = joined is not None and is_seen_whole(joined.outline)
-    return (
-        joined
-        if joined is not None and is_round and band_side(joined.outline.polygon, sides) == band
-        else outer
-    )
+    if joined is None or not is_seen_whole(joined.outline):
+        return outer
+    return joined if band_side(joined.outline.polygon, sides) == band else outer
 
 
 def _rate_of_view(measured: MeasuredOutline, reduced: ReducedPhoto, on_sheet: Points) -> MeasuredOutline:
