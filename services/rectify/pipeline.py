@@ -12,6 +12,7 @@ from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.heap import release_freed_memory
+from services.imaging.drawn_edges import is_drawn
 from services.imaging.normalization import normalize_illumination
 from services.imaging.reduction import Halves
 from services.notices import Notice
@@ -324,7 +325,7 @@ class _Search:
         characters = np.zeros((0, 2)) if text is None else text.characters
         with self.clock.stage("shape"):
             in_view = sheet_in_view(self.outline, self.view, origin=self.origin)
-            if not in_view or not is_believed(self.outline, characters):
+            if not in_view or not is_believed(self.outline, characters) or is_drawn(self.photo):
                 return None
             page = sheet_between_sides(self.outline, self.view, self.prior, self.parameters.kind, characters)
         return None if page is None else replace(page, text=text)

@@ -6,6 +6,8 @@ only by evidence beyond that evidence's own noise: sides of a sheet in view, lin
 bend.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from services.contract.rectify import Origin, RectifyParameters, Rotation, TypesetPage
@@ -13,6 +15,7 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import luminance
+from services.imaging.drawn_edges import drawn_box, is_drawn
 from services.imaging.ground import Ground, find_ground
 from services.imaging.illumination import divide_by_light, reduced_light
 from services.imaging.reduction import Halves, reduce_image
@@ -74,17 +77,20 @@ def flat_page(
 ) -> ShapedPage | None:
     """The `photo` as the page itself; None if the evidence shows another shape.
 
-    `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length.
+    `analysis` is that of its text, `outline` the sheet's if one was found, `prior` that of the focal length. A picture
+    that a program has drawn has no perspective, and no turn but a quarter.
     """
-    certain = isinstance(origin, TypesetPage)
+    drawn = origin == "photo" and is_drawn(photo.image)
+    typeset = isinstance(origin, TypesetPage)
+    certain = drawn or typeset
     in_view = sheet_in_view(outline, view, origin=origin) and not ends_at_band(photo, outline)
-    if not certain and (analysis.facing_page or in_view):
+    if (analysis.facing_page and not typeset) or (in_view and not certain):
         return None
     evidence = without_slanted_print(analysis).evidence(view)
     plane = level_plane(evidence.major, prior)
     skew = float(np.arctan2(plane.rotation[1, 0], plane.rotation[0, 0]))
     upright = _from_axis(skew)
-    if abs(upright) > MOST_TURN_RAD:
+    if abs(upright) > MOST_TURN_RAD and not drawn:
         # Print that is aslant on an upright page, or an upright photo of a page that lies aslant?
         return blank_flat_page(photo, outline, view, prior, origin=origin)
     flow = perspective_by_flow(evidence.major, evidence.characters, view, skew)
@@ -102,9 +108,13 @@ def flat_page(
     printed = photo if analysis.positive is None else Halves(np.asarray(255 - photo.image, np.uint8))
     ground, count = find_ground(printed), lines.count // 2
     shape = _flat_photo(ground, departure.skew_rad, count, view, prior, origin=origin)
+    if drawn:
+        turn = shape.turn_rad - _from_axis(shape.turn_rad)
+        corners = None if outline is None else np.asarray(outline.polygon)
+        shape = replace(shape, turn_rad=turn, box=drawn_box(photo.image, corners), keeps_size=True)
     if origin == "photo" and not _is_print(photo, evidence, shape, ground):
         return None
-    hugging = outline if outline is not None and _hugs_frame(outline, view) else None
+    hugging = outline if not drawn and outline is not None and _hugs_frame(outline, view) else None
     return ShapedPage(
         view,
         shape,

@@ -57,6 +57,23 @@ def cropped_by_an_app(seed: int) -> RgbImage:
     return np.clip(photo + rng.normal(0, 3, photo.shape), 0, 255).astype(np.uint8)
 
 
+def test_a_program_s_picture_is_shown_whole() -> None:
+    """Its panel has four sides as a sheet has, and a title stands above it."""
+    picture = np.full((1200, 1000, 3), 255, np.uint8)
+    picture[120:1100, 60:940] = 60
+    picture[140:1080, 80:920] = letter()[:940, :840]
+    for y in (40, 110, 1110, 1140):
+        picture[y, :400] = 120
+    image = Image.fromarray(picture)
+    ImageDraw.Draw(image).text(
+        (60, 60), "Documents, 17 of 40", font=ImageFont.load_default(32), fill=(20, 20, 20)
+    )
+    result = answer(np.asarray(image))
+    assert result.evidence.source == ("photo",)
+    height, width = result.image.shape[:2]
+    assert width / height == pytest.approx(1000 / 1200, abs=0.002)
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_cropped_page_stays_as_it_is_with_its_blank_half(seed: int) -> None:
     photo = cropped_by_an_app(seed)
