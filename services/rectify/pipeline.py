@@ -18,7 +18,7 @@ from services.imaging.reduction import Halves
 from services.notices import Notice
 from services.ocr.engine import OcrEngine
 from services.rectify.analysis.focal_length import requested_prior
-from services.rectify.analysis.found_text import FoundText, find_text
+from services.rectify.analysis.found_text import AnalysisParameters, FoundText, find_text
 from services.rectify.analysis.outline_search import OutlineSearch
 from services.rectify.analysis.page_analysis import PageAnalysis, analyse_briefly, analyse_photo
 from services.rectify.analysis.photo_border import find_cut_borders, leave_out_borders
@@ -38,7 +38,7 @@ from services.rectify.shape_choice.flat_hypothesis import (
 from services.rectify.shape_choice.given_corners import page_between
 from services.rectify.shape_choice.principal_point import find_principal_point
 from services.rectify.shape_choice.shaped_page import ShapedPage
-from services.rectify.shape_choice.text_check import refusal_of_text
+from services.rectify.shape_choice.text_check import LinesAcross, check_text
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import places_in_view
@@ -55,6 +55,7 @@ from services.sheet.outline.given_corners import outline_between
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import SheetSides, read_sides
 from services.sheet.shape import PageShape
+from services.texture_flow.major import MajorFlowParameters
 
 FACING_PAGE = Notice(
     "facing-page", "text of a facing page was left out; send region, a polygon round it, to choose another."
@@ -259,7 +260,7 @@ class _Search:
 
     def page_by_text(self) -> ShapedPage:
         """The page that text shows, and the sides of its sheet. Raises `NoText`."""
-        kind, region = self.parameters.kind, self.parameters.region
+        region = self.parameters.region
         if self.effort.is_brief:
             with self.clock.stage("text"):
                 text = find_text(self.halves, region, self.effort.analysis)
@@ -288,6 +289,14 @@ class _Search:
                 analysis = analyse_photo(self.halves, on_sheet, clock=self.clock)
             elif beside == "print":
                 self.outline = None
+        try:
+            return self._page_of(analysis)
+        except LinesAcross as found:
+            crossing = AnalysisParameters(major=MajorFlowParameters(barred_rad=found.taken_rad))
+            return self._page_of(analyse_photo(self.halves, region, crossing, self.clock))
+
+    def _page_of(self, analysis: PageAnalysis) -> ShapedPage:
+        """The page whose text was analysed. Raises `NoText`."""
         # The outline of an opened book is not that of a single page.
         outline = None if analysis.facing_page else self.outline
         if may_be_flat(self.parameters):
@@ -296,6 +305,7 @@ class _Search:
             if flat is not None:
                 return flat
         read = self.outlines.read
+        kind = self.parameters.kind
         page = shape_page(analysis, self.view, self.prior, kind, self.clock, outline, self.effort, read)
         return replace(page, notices=(*page.notices, FACING_PAGE)) if analysis.facing_page else page
 
@@ -396,9 +406,7 @@ def shape_page(
             if type(again) is type(shape):
                 shape, ranked, evidence = again, ranked_again, moved.evidence
                 notices = (*moved.notices, *again.notices)
-        refusal = refusal_of_text(analysis, evidence, shape, outline)
-    if refusal is not None:
-        raise NoText(refusal)
+        check_text(analysis, evidence, shape, outline)
     page = ShapedPage(evidence.view, shape, notices, outline, analysis, evidence.vanishing_points)
     return replace(page, others=_other_shapes(page, ranked, kind))
 

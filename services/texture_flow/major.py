@@ -53,6 +53,8 @@ class MajorFlowParameters:
     repeats: int = 2
     field_spacing: float = 2.0
     """Of the dense field, which follows a bent page to second order."""
+    barred_rad: float | None = None
+    """A direction along which no lines run: those of the text cross it by 45 degrees at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +124,8 @@ def detect_coarse_flow(text: IdentifiedText, parameters: MajorFlowParameters | N
     angles = np.concatenate([quarter, quarter + np.pi / 2])
     energies = np.zeros((len(centres), len(angles)))
     energies[alive] = scan_directions(ink, reduced[alive], quarter, window)
+    if p.barred_rad is not None:
+        energies[:, np.abs(angle_difference(angles, p.barred_rad)) < np.pi / 4] = 0.0
     candidates = find_peaks(energies.reshape(*grid, -1), angles, CANDIDATES)
     confidence = label_by_relaxation(candidates, ITERATIONS)
     best = np.argmax(confidence, axis=-1)[..., None]

@@ -14,10 +14,12 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
 from services.ocr.engine import OcrEngine, Word
 from services.progress import progress_to
+from services.rectify import pipeline
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
 from services.rectify.shape_choice.shaped_page import ShapedPage
+from services.rectify.shape_choice.text_check import LinesAcross
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.surfaces import StripsSurface
 from services.side_by_side import spare_processors
@@ -48,6 +50,25 @@ def reports() -> list[tuple[str, float]]:
 def result(photo: SimulatedPhoto, reports: list[tuple[str, float]]) -> RectifyResult:
     with progress_to(lambda *report: reports.append(report)):
         return rectify(photo.image, AS_IT_LIES)
+
+
+def test_text_whose_rows_cross_its_lines_is_analysed_again(
+    photo: SimulatedPhoto, result: RectifyResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first analysis is said to have taken columns for lines; the second one is the page's."""
+    barred: list[float | None] = []
+
+    def first_time_across(analysis: PageAnalysis, *others: object) -> None:
+        barred.append(taken)
+        if len(barred) == 1:
+            raise LinesAcross("columns", taken_rad=taken)
+
+    lines = photo.truth.major_flow(photo.truth.text_points(np.random.default_rng(1)))
+    taken = float(np.median(lines)) + np.pi / 2
+    monkeypatch.setattr(pipeline, "check_text", first_time_across)
+    again = rectify(photo.image, AS_IT_LIES)
+    assert len(barred) == 2
+    np.testing.assert_allclose(again.image.shape, result.image.shape, atol=2)
 
 
 def test_its_stages_are_told_as_they_begin(result: RectifyResult, reports: list[tuple[str, float]]) -> None:

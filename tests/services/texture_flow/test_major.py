@@ -62,6 +62,17 @@ def test_the_coarse_flow_finds_the_lines(album: Album, name: str) -> None:
     assert (errors < 6).mean() > 0.95
 
 
+def test_lines_are_sought_across_a_barred_direction(album: Album) -> None:
+    shot = album["plain"]
+    found = detect_coarse_flow(shot.analysis.text)
+    along = float(np.median(found.angles))
+    beside = detect_coarse_flow(shot.analysis.text, MajorFlowParameters(barred_rad=along + np.pi / 2))
+    assert np.median(np.abs(angle_difference(beside.angles, found.angles))) < np.deg2rad(0.1)
+    across = detect_coarse_flow(shot.analysis.text, MajorFlowParameters(barred_rad=along))
+    assert len(across)
+    assert (np.abs(angle_difference(across.angles, along)) > np.pi / 4 - 0.05).all()
+
+
 @pytest.fixture(scope="module")
 def ragged(album: Album) -> tuple[np.ndarray, np.ndarray, FlowField]:
     """Image (H, W), points on its text and its major field."""
