@@ -28,7 +28,8 @@ from services.rectify.analysis.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.page_text import TracedText
-from services.texture_flow.field import FlowField, FlowSamples, move_field, resize_field
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference, move_field, resize_field
+from services.texture_flow.leaning_type import upright_type
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
 from services.texture_flow.minor import MinorFlow, estimate_minor_flow
 from services.texture_flow.text_identification import (
@@ -357,6 +358,10 @@ def _measure_flows(
     lines = move_field(resize_field(major.field, 1 / seen.factor), (-strokes.origin[0], -strokes.origin[1]))
     lines = resize_field(lines, strokes.factor)
     minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, lines, p.minor)
+    if minor is not None:
+        found = minor.samples
+        lean = angle_difference(found.angles, lines.at(found.points) + np.pi / 2)
+        minor = replace(minor, samples=upright_type(found, lean))
     return major, minor, strokes
 
 
