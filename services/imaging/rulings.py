@@ -1,14 +1,17 @@
-"""Grids of ruled tables: found in a page, and taken out of it before it is read.
+"""Grids of ruled tables: taken out of a page before it is read, and the cells between their rules.
 
 An OCR engine takes a grid for a picture, or its strokes for letters. Of made invoices with a grid Tesseract loses whole
 rows at 300 dpi (docs/decisions/layout-tables.md).
 """
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage
+from services.contract.boxes import Sides
 
 _LEVEL_SHARE, _UPRIGHT_SHARE = 1 / 12, 1 / 24
 """Shortest level and upright rule, as shares of the page's width: print has no strokes as long."""
@@ -16,31 +19,64 @@ _DARK = 40
 """Least difference of a rule from the paper around it, in gray levels; hairlines are grayed when they are scanned."""
 _FEWEST_LEVEL, _FEWEST_UPRIGHT = 2, 3
 """Rules that cross each other from which on they are a grid: an underline and a frame are none."""
+_CELL_PX = 8
+"""Least width and height of a cell: double rules have narrow boxes between them."""
 _PAD_PX = 1
 """What is taken out around a rule: its edge is gray."""
 
 
 def without_grids(page: GrayImage) -> GrayImage:
     """The page (H, W), dark on light, with the rules of its tables painted as paper; the same object without a grid."""
-    height, width = page.shape
-    level_px, upright_px = round(width * _LEVEL_SHARE), round(width * _UPRIGHT_SHARE)
-    if min(level_px, upright_px) < 8 or height < 2 * upright_px:
-        return page
-    paper = int(np.median(page[::8, ::8]))
-    dark = np.asarray(cv2.inRange(page, -1.0, paper - _DARK - 1.0), np.uint8)
-    level = _long_runs(dark, level_px)
-    if level is None:
-        return page
-    upright = _long_runs(dark, upright_px, down=True)
-    if upright is None:
-        return page
-    rules = _grids(level, upright)
-    if not rules.any():
+    rules = _find_grids(page)
+    if rules is None:
         return page
     around = cv2.dilate(rules, np.ones((2 * _PAD_PX + 1, 2 * _PAD_PX + 1), np.uint8))
     cleaned = page.copy()
-    cleaned[around > 0] = paper
+    cleaned[around > 0] = _level_of_paper(page)
     return cleaned
+
+
+def cells_of_grids(page: GrayImage) -> list[list[Sides]]:
+    """The boxes between the rules of each grid on the page (H, W), dark on light, by their tops and left ends."""
+    rules = _find_grids(page)
+    if rules is None:
+        return []
+    joined = cv2.dilate(rules, np.ones((3, 3), np.uint8))
+    count, numbers, boxes, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
+    groups = np.asarray(numbers, np.int32)
+    return [_cells_between(groups, number, boxes[number].tolist()) for number in range(1, count)]
+
+
+def _cells_between(numbers: NDArray[np.int32], number: int, box: Sequence[int]) -> list[Sides]:
+    x, y, width, height = box[:4]
+    free = (numbers[y : y + height, x : x + width] != number).astype(np.uint8)
+    _, _, cells, _ = cv2.connectedComponentsWithStats(free, connectivity=4)
+    found = [(x + left, y + top, x + left + w, y + top + h) for left, top, w, h in cells[1:, :4].tolist()]
+    return sorted(
+        (cell for cell in found if min(cell[2] - cell[0], cell[3] - cell[1]) >= _CELL_PX),
+        key=lambda cell: (cell[1], cell[0]),
+    )
+
+
+def _level_of_paper(page: GrayImage) -> int:
+    return int(np.median(page[::8, ::8]))
+
+
+def _find_grids(page: GrayImage) -> NDArray[np.uint8] | None:
+    """The rules (H, W) of the page's grids, 0 or 255; None without a grid."""
+    height, width = page.shape
+    level_px, upright_px = round(width * _LEVEL_SHARE), round(width * _UPRIGHT_SHARE)
+    if min(level_px, upright_px) < 8 or height < 2 * upright_px:
+        return None
+    dark = np.asarray(cv2.inRange(page, -1.0, _level_of_paper(page) - _DARK - 1.0), np.uint8)
+    level = _long_runs(dark, level_px)
+    if level is None:
+        return None
+    upright = _long_runs(dark, upright_px, down=True)
+    if upright is None:
+        return None
+    rules = _grids(level, upright)
+    return rules if rules.any() else None
 
 
 def _long_runs(dark: NDArray[np.uint8], length: int, *, down: bool = False) -> NDArray[np.uint8] | None:

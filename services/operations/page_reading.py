@@ -12,6 +12,8 @@ from services.contract.answers.page_text import PageWord, ReadText
 from services.contract.images import Encoding, TextFormat
 from services.deadline import answered_within, time_left_s
 from services.errors import InvalidOption
+from services.imaging.channels import luminance
+from services.imaging.rulings import cells_of_grids
 from services.layout.page import Page, Zone
 from services.layout.pipeline import segment_read_page
 from services.layout.segmentation.reading_order import reading_order
@@ -23,11 +25,12 @@ from services.ocr.tesseract import default_language, installed_languages
 from services.ocr.word_trust import probability_right
 from services.operations.reader import ocr_engine
 from services.text.alto import write_alto_pages
-from services.text.arrangement import Region, arrange_words
+from services.text.arrangement import Region, arrange_words, with_blocks
 from services.text.hocr import write_hocr
 from services.text.page_text import PageText
 from services.text.photo_places import locate_boxes
 from services.text.plain import write_markdown, write_plain_text
+from services.text.ruled_tables import read_tables
 
 READING_BEGINS = 0.55
 """Typical progress before a page is read, if it is."""
@@ -113,7 +116,8 @@ def read_flat_page(
         page, words, cut = segment_read_page(image, engine, LIMIT_S, printed)
     # An engine's box may have no extent, or end outside of the picture.
     words = [word for word in words if word.box[2] > word.box[0] and word.box[3] > word.box[1]]
-    blocks = arrange_words(words, _believable_regions(page, words))
+    tables = read_tables(words, cells_of_grids(luminance(image)))
+    blocks = with_blocks(arrange_words(tables.others, _believable_regions(page, words)), tables.blocks)
     text = PageText(width, height, language, blocks, cut=cut)
     if mesh is None:
         return text

@@ -68,7 +68,7 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
 
     held: list[list[Part]] = [[] for _ in regions]
     others: list[Part] = []
-    for line in _lines_of(words):
+    for line in lines_of(words):
         letters: dict[int | None, float] = {}
         for word in line:
             index = region_of.get(word.box)
@@ -93,6 +93,22 @@ def arrange_words(words: Sequence[Word], regions: Sequence[Region]) -> tuple[Tex
     return tuple(blocks)
 
 
+def with_blocks(blocks: Sequence[TextBlock], others: Sequence[TextBlock]) -> tuple[TextBlock, ...]:
+    """The blocks, and each of the `others` after the last one above in its columns, or before the first below."""
+    every = list(blocks)
+    for block in others:
+        middle = block.box[1] + block.box[3]
+        beside = [
+            (index, each.box[1] + each.box[3] < middle)
+            for index, each in enumerate(every)
+            if min(each.box[2], block.box[2]) > max(each.box[0], block.box[0])
+        ]
+        after = [index + 1 for index, is_above in beside if is_above]
+        before = [index for index, is_above in beside if not is_above]
+        every.insert(after[-1] if after else before[0] if before else len(every), block)
+    return tuple(every)
+
+
 def _level_values(held: list[list[Part]]) -> None:
     """Move values, in place, to the regions of what they are values of: the line left of them in their row.
 
@@ -104,14 +120,14 @@ def _level_values(held: list[list[Part]]) -> None:
         for index, parts in enumerate(held)
         if len(parts) < _PROSE_LINES or np.median([len(part) for part in parts]) <= _LONGEST_ENTRY
         for part in parts
-        if not _is_value(part)
+        if not is_value(part)
     ]
     if not entries:
         return
     places, ends = np.array([index for index, _ in entries]), np.array([box for _, box in entries])
     moves = []
     for index, parts in enumerate(held):
-        found = [(part, _entry_of(part, places, ends)) for part in parts if _is_value(part)]
+        found = [(part, _entry_of(part, places, ends)) for part in parts if is_value(part)]
         moved = [(part, target) for part, target in found if target is not None and target != index]
         if len(moved) >= min(_LEAST_ROWS, len(parts)):
             moves += [(index, part, target) for part, target in moved]
@@ -144,12 +160,12 @@ def _place_heads(held: list[list[Part]]) -> None:
         of_table = places == places[first]
         row = np.flatnonzero(below & of_table & (np.abs(y0 - y0[first]) < height))
         is_near = y0[first] - bottom <= _HEAD_GAP * height
-        if is_near and _is_value([placed[k][1] for k in row]) and (of_table & (x1 <= left)).any():
+        if is_near and is_value([placed[k][1] for k in row]) and (of_table & (x1 <= left)).any():
             held[int(places[first])] += parts
             held[index], places[places == index] = [], places[first]
 
 
-def _is_value(part: Part) -> bool:
+def is_value(part: Sequence[Word]) -> bool:
     """Whether a line is numbers rather than words."""
     letters = sum(c.isalpha() for word in part for c in word.text if not _CURRENCY.fullmatch(word.text))
     digits = sum(c.isdigit() for word in part for c in word.text)
@@ -165,7 +181,7 @@ def _entry_of(value: Part, places: NDArray[np.intp], ends: NDArray[np.float64]) 
     return int(places[level[np.argmax(ends[level, 2])]]) if len(level) else None
 
 
-def _lines_of(words: Sequence[Word]) -> list[Part]:
+def lines_of(words: Sequence[Word]) -> list[Part]:
     """The engine's lines in its order, their words from left to right; each word without a line is one of its own."""
     lines: dict[int, Part] = {}
     for number, word in enumerate(words):
@@ -207,14 +223,15 @@ def rows_of(parts: Sequence[Part]) -> tuple[ReadLine, ...]:
             rows[-len(shared) :][int(np.argmax(shared))] += part
         else:
             rows.append(list(part))
-    return tuple(_line(row) for row in rows)
+    return tuple(line_of(row) for row in rows)
 
 
 def _middle(part: Sequence[Word]) -> float:
     return float(np.mean([word.box[1] + word.box[3] for word in part]))
 
 
-def _line(words: Sequence[Word]) -> ReadLine:
+def line_of(words: Sequence[Word]) -> ReadLine:
+    """Words of one row in the direction of their script."""
     words = settle_boxes(words)
     backwards = is_right_to_left("".join(word.text for word in words))
     if backwards:

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from services.imaging.rulings import _long_runs, without_grids
+from services.imaging.rulings import _long_runs, cells_of_grids, without_grids
 
 PAPER = 240
 
@@ -29,10 +29,17 @@ def test_a_grid_is_taken_out_and_print_in_it_stays() -> None:
     assert (cleaned == PAPER).all()
 
 
+def test_cells_lie_between_the_rules() -> None:
+    (cells,) = cells_of_grids(page_with([300, 380, 460], [100, 500, 898]))
+    expected = [(102, 302, 500, 380), (502, 302, 898, 380), (102, 382, 500, 460), (502, 382, 898, 460)]
+    np.testing.assert_allclose(cells, expected, atol=2)
+
+
 def test_a_frame_and_underlines_are_no_grid() -> None:
     for levels, uprights in (([300, 460], [100, 898]), ([300, 340, 380], []), ([300], [100, 500, 898])):
         page = page_with(levels, uprights)
         assert without_grids(page) is page
+        assert cells_of_grids(page) == []
 
 
 @pytest.mark.parametrize("length", [8, 21, 30])
