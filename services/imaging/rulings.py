@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.contract.boxes import Sides
+from services.imaging.reduction import halve
 
 _LEVEL_SHARE, _UPRIGHT_SHARE = 1 / 12, 1 / 24
 """Shortest level and upright rule, as shares of the page's width: print has no strokes as long."""
@@ -21,6 +22,8 @@ _FEWEST_LEVEL, _FEWEST_UPRIGHT = 2, 3
 """Rules that cross each other from which on they are a grid: an underline and a frame are none."""
 _CELL_PX = 8
 """Least width and height of a cell: double rules have narrow boxes between them."""
+_LARGE_PX = 2400
+"""Longest side of a page on which cells are looked for, A4 at 200 dpi: hairlines are to stay dark."""
 _PAD_PX = 1
 """What is taken out around a rule: its edge is gray."""
 
@@ -37,14 +40,21 @@ def without_grids(page: GrayImage) -> GrayImage:
 
 
 def cells_of_grids(page: GrayImage) -> list[list[Sides]]:
-    """The boxes between the rules of each grid on the page (H, W), dark on light, by their tops and left ends."""
-    rules = _find_grids(page)
+    """The boxes between the rules of each grid on the page (H, W), dark on light, by their tops and left ends.
+
+    Large pages are halved: the sides of a cell lie in the paper around its words.
+    """
+    small = page
+    while max(small.shape) > _LARGE_PX:
+        small = halve(small)
+    rules = _find_grids(small)
     if rules is None:
         return []
     joined = cv2.dilate(rules, np.ones((3, 3), np.uint8))
     count, numbers, boxes, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
-    groups = np.asarray(numbers, np.int32)
-    return [_cells_between(groups, number, boxes[number].tolist()) for number in range(1, count)]
+    groups, scale = np.asarray(numbers, np.int32), page.shape[1] / small.shape[1]
+    tables = [_cells_between(groups, number, boxes[number].tolist()) for number in range(1, count)]
+    return [[tuple(scale * side for side in cell) for cell in cells] for cells in tables]
 
 
 def _cells_between(numbers: NDArray[np.int32], number: int, box: Sequence[int]) -> list[Sides]:

@@ -30,10 +30,11 @@ def read_tables(words: Sequence[Word], tables: Sequence[Sequence[Sides]]) -> Rul
     """
     others, blocks = list(words), []
     for cells in tables:
-        held, others = _in_cells(others, cells)
-        lines = [line for row in _rows(held) for line in _read_row(row)]
-        if lines:
-            blocks.append(TextBlock(tuple(lines)))
+        held, rest = _in_cells(others, cells)
+        rows = _rows(held)
+        if max(map(len, rows), default=0) > 1:  # a frame, or rules of a drawing, is no table
+            blocks.append(TextBlock(tuple(line for row in rows for line in _read_row(row))))
+            others = rest
     return RuledTables(tuple(blocks), tuple(others))
 
 

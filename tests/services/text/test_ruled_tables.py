@@ -60,8 +60,14 @@ def test_cells_of_hebrew_begin_at_the_right() -> None:
 
 
 def test_words_outside_of_the_cells_stay() -> None:
-    outside, inside = word("outside", 20, 300), word("inside", 20, 20)
-    found = read_tables([outside, inside], [CELLS])
+    outside, left, right = word("outside", 20, 300), word("left", 20, 20), word("right", 220, 20)
+    found = read_tables([outside, left, right], [CELLS])
     assert found.others == (outside,)
-    assert [line.words for block in found.blocks for line in block.lines] == [(inside,)]
-    assert read_tables([outside], []).blocks == ()
+    assert [line.words for block in found.blocks for line in block.lines] == [(left, right)]
+
+
+def test_a_frame_is_no_table() -> None:
+    words = [word("left", 20, 20), word("below", 20, 70)]
+    found = read_tables(words, [CELLS])
+    assert found.blocks == ()
+    assert found.others == tuple(words)
