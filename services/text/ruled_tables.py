@@ -86,11 +86,11 @@ def _goes_on(read: Sequence[Lines]) -> bool:
 
 
 def _has_sub_rows(read: Sequence[Lines]) -> bool:
-    """Whether two cells have many lines, each of one level with one of the other, and values in one of them."""
-    *_, fewer, more = [(), *sorted(read, key=len)]
-    if len(fewer) < _SUB_ROWS or not all(_is_level(line, more) for line in fewer):
-        return False
-    return any(2 * sum(is_value(line.words) for line in lines) > len(lines) for lines in (fewer, more))
+    """Whether cells have many lines, each level with one of the longest cell, and values in one of them."""
+    *fewer, most = sorted((lines for lines in read if len(lines) >= _SUB_ROWS), key=len) or [()]
+    level = all(_is_level(line, most) for lines in fewer for line in lines)
+    values = any(2 * sum(is_value(line.words) for line in lines) > len(lines) for lines in (*fewer, most))
+    return bool(fewer) and level and values
 
 
 def _is_level(line: ReadLine, others: Lines) -> bool:

@@ -30,13 +30,15 @@ def test_a_cell_of_several_lines_is_read_as_a_whole() -> None:
 
 
 def test_columns_without_rules_between_their_rows_are_read_across() -> None:
-    rows = [(f"item{row}", f"{row}.50") for row in range(3)]
+    rows = [(f"{row}.50", f"item{row}", f"town{row}") for row in range(3)]
+    cells = [(0, 0, 150, 200), (150, 0, 300, 200), (300, 0, 450, 200)]
     words = [
-        word(text, x, 70 + 40 * k)
+        word(text, x, 20 + 40 * k)
         for k, row in enumerate(rows)
-        for text, x in zip(row, (20, 220), strict=True)
+        for text, x in zip(row, (20, 170, 320), strict=True)
     ]
-    assert lines(words) == ["item0 0.50", "item1 1.50", "item2 2.50"]
+    (block,) = read_tables(words, [cells]).blocks
+    assert [line.text for line in block.lines] == ["0.50 item0 town0", "1.50 item1 town1", "2.50 item2 town2"]
 
 
 def test_two_addresses_beside_each_other_are_read_one_by_one() -> None:
