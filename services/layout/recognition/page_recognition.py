@@ -70,6 +70,9 @@ class RecognitionParameters:
     matching: MatchingParameters = field(default_factory=MatchingParameters)
 
 
+USUAL = RecognitionParameters()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Match:
     model: VersionedModel
