@@ -1,19 +1,16 @@
 """The application, and the server that runs it."""
 
 import asyncio
-import json
 import logging
 import signal
 import sys
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 import uvicorn
-from fastapi import Depends, FastAPI, Request, Response
+from fastapi import Depends, FastAPI
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import ValidationError
@@ -28,7 +25,7 @@ from app.engine.absent import AbsentEngine
 from app.engine.base import Engine
 from app.engine.local import LocalEngine, PoolLimits
 from app.http.known_options import KnownQueryOptions
-from app.http.middleware import OPENAPI_PATH, add_middleware, methods_of
+from app.http.middleware import add_middleware, methods_of
 from app.http.problems import FrameworkErrors
 from app.http.upload_places import UploadPlaces
 from app.interprocess_lock import InterprocessLock
@@ -36,7 +33,7 @@ from app.jobs.service import JobService
 from app.learning.locks import ModelLocks
 from app.logs import configure_logs
 from app.metrics import Metrics
-from app.openapi.document import describe
+from app.openapi.document import serve_description
 from app.processors import usable_processors
 from app.review.order import ReviewOrder
 from app.roles import InvalidKeys
@@ -206,7 +203,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         summary="Photos of documents in; flat pages, their classes and the labels of their parts out.",
         version=__version__,
         lifespan=lifespan,
-        openapi_url=None,  # `_describe` serves it
+        openapi_url=None,  # `serve_description` serves it
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
@@ -239,7 +236,7 @@ def create_app(settings: Settings | None = None, operations: Operations | None =
         places,
     )
     add_middleware(app, settings, engine, job_service.jobs, metrics, routes, keyring, tokens, places)
-    _describe(app, settings)
+    serve_description(app, TAGS, keys=settings.has_keys, root_path=settings.root_path)
     return app
 
 
@@ -304,30 +301,6 @@ def _check_content_features(path: Path | None) -> None:
     except InvalidContentSettings as error:
         log.error("the content features (CONTENT_FEATURES) cannot be used: %s", error)
         raise error.with_traceback(None) from None  # the server logs the error; omit its traceback
-
-
-def _describe(app: FastAPI, settings: Settings) -> None:
-    """Make the OpenAPI document and serve it: made once, by the first request, in a thread."""
-
-    def openapi() -> dict[str, Any]:
-        if app.openapi_schema is None:
-            app.openapi_schema = describe(
-                app,
-                TAGS,
-                keys=settings.has_keys,
-                root_path=settings.root_path,
-            )
-        return app.openapi_schema
-
-    @cache
-    def text() -> str:
-        return json.dumps(app.openapi(), ensure_ascii=False, separators=(",", ":"))
-
-    async def answer(request: Request) -> Response:
-        return Response(await asyncio.to_thread(text), media_type="application/json")
-
-    app.openapi = openapi  # type: ignore[method-assign]
-    app.add_route(OPENAPI_PATH, answer, include_in_schema=False)
 
 
 def _settings_of_environment() -> Settings:

@@ -19,7 +19,13 @@ from models.feedback_records import (
     ReportJson,
     StoredFeedback,
 )
-from models.lesson_repository import effects_of, require_feedback_seen, revise_result, take_back
+from models.lesson_repository import (
+    delete_samples_of_result,
+    effects_of,
+    require_feedback_seen,
+    revise_result,
+    take_back,
+)
 from models.queries import (
     add_unknown_page,
     append_version,
@@ -229,7 +235,7 @@ class FeedbackRepository(Transactions):
         model, digest = None, None
         if draft.verified_class is not None and sample is not None:
             model, digest = find_model(session, draft.verified_class), sample[1]
-        _give_up_samples(session, draft.result_id, None if model is None else (model.id, digest))
+        delete_samples_of_result(session, draft.result_id, None if model is None else (model.id, digest))
         if model is None or sample is None:
             return None
         of_model = select(SampleRow.id).where(SampleRow.model_id == model.id)
@@ -271,25 +277,6 @@ def _require_feedback(draft: FeedbackDraft, changes: Sequence[ModelChange]) -> N
         raise NotStorable(f"of {draft.zones} zones {draft.wrong_zones} cannot be wrong")
     if len({change.name for change in changes}) != len(changes):
         raise NotStorable("a model can change once in a feedback")
-
-
-def _give_up_samples(session: Session, result_id: str, kept: tuple[int, str | None] | None) -> None:
-    """Delete the samples of earlier feedback on this result, except the one with this class and digest.
-
-    A sample that feedback on another result verified too is assigned to that result.
-    """
-    session.execute(update(FeedbackRow).where(FeedbackRow.result_id == result_id).values(sample_id=None))
-    earlier = select(SampleRow).where(SampleRow.result_id == result_id, SampleRow.origin == "feedback")
-    for row in session.execute(earlier).scalars().all():
-        if (row.model_id, row.digest) == kept:
-            continue
-        others = select(FeedbackRow.result_id).where(FeedbackRow.sample_id == row.id).limit(1)
-        other = session.execute(others).scalar_one_or_none()
-        if other is None:
-            session.delete(row)
-        else:
-            row.result_id = other
-    session.flush()
 
 
 def _models_of_feedback(session: Session, draft: FeedbackDraft) -> list[ModelRow]:

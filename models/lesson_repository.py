@@ -238,15 +238,20 @@ def revise_result(
             setattr(place, name, value)
 
 
-def delete_samples_of_result(session: Session, result_id: str) -> int:
+def delete_samples_of_result(
+    session: Session, result_id: str, kept: tuple[int, str | None] | None = None
+) -> int:
     """Delete the samples made from feedback on this result; return their number.
 
-    A sample that feedback on another result verified too is assigned to that result.
+    The one of the class and with the digest `kept` stays. A sample that feedback on another result verified too is
+    assigned to that result.
     """
     deleted = 0
     session.execute(update(FeedbackRow).where(FeedbackRow.result_id == result_id).values(sample_id=None))
     made = select(SampleRow).where(SampleRow.result_id == result_id, SampleRow.origin == "feedback")
     for row in session.execute(made).scalars().all():
+        if (row.model_id, row.digest) == kept:
+            continue
         others = select(FeedbackRow.result_id).where(FeedbackRow.sample_id == row.id).limit(1)
         other = session.execute(others).scalar_one_or_none()
         if other is None:

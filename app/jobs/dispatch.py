@@ -18,12 +18,11 @@ _random = random.Random()  # its own: the generator of the process belongs to no
 
 ASK_EVERY_S = 1.0
 """Pause after which a free slot asks for jobs of other processes; those of its own process are announced."""
-SETTLE_EVERY_S = 3.0
-PURGE_EVERY_S = 5.0
+OFTEN_S = 5.0
+"""Jobs that stalled are settled and old ones purged so often. Freed memory goes back to the system too: uploads pass
+through many threads, and the C library keeps what each of them has freed, so that a process that lets uploads of 10 MB
+pass would grow with every hundred of them."""
 SWEEP_EVERY_S = 600.0
-RELEASE_EVERY_S = 5.0
-"""Freed memory goes back to the system so often. Uploads pass through many threads, and the C library keeps what each
-of them has freed: a process that lets uploads of 10 MB pass would grow with every hundred of them."""
 
 
 class Dispatch(Protocol):
@@ -101,11 +100,11 @@ class Housekeeping:
 
     def __init__(self, jobs: Jobs, runner: JobRunner, dispatch: Dispatch, *others: Duty) -> None:
         self._duties: list[Duty] = [
-            (SETTLE_EVERY_S, runner.settle_stalled),
-            (SETTLE_EVERY_S, dispatch.settle),
-            (PURGE_EVERY_S, jobs.purge),
+            (OFTEN_S, runner.settle_stalled),
+            (OFTEN_S, dispatch.settle),
+            (OFTEN_S, jobs.purge),
             (SWEEP_EVERY_S, jobs.sweep_blobs),
-            (RELEASE_EVERY_S, partial(asyncio.to_thread, release_freed_memory)),
+            (OFTEN_S, partial(asyncio.to_thread, release_freed_memory)),
             *others,
         ]
         self._tasks: list[asyncio.Task[None]] = []

@@ -1,15 +1,18 @@
 """The OpenAPI document: FastAPI's, in a form from which generators make clients without warnings."""
 
+import asyncio
 import json
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
+from functools import cache
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request, Response
 from fastapi.openapi.utils import get_openapi
 
 from app.access.authentication import HEADER as API_KEY_HEADER
 from app.access.authentication import OPEN_PATHS
+from app.http.middleware import OPENAPI_PATH
 from app.http.octets import OCTETS
 from app.http.problems import documented
 from app.openapi.examples import BODY_EXAMPLES, RESPONSE_EXAMPLES
@@ -25,6 +28,24 @@ INFO = {
     "contact": {"name": "Whoever operates this service"},
 }
 _BINARY = "application/octet-stream"
+
+
+def serve_description(app: FastAPI, tags: Mapping[str, str], *, keys: bool, root_path: str) -> None:
+    """Serve the OpenAPI document (`describe`): made once, by the first request, in a thread."""
+
+    @cache
+    def openapi() -> dict[str, Any]:
+        return describe(app, tags, keys=keys, root_path=root_path)
+
+    @cache
+    def text() -> str:
+        return json.dumps(app.openapi(), ensure_ascii=False, separators=(",", ":"))
+
+    async def answer(request: Request) -> Response:
+        return Response(await asyncio.to_thread(text), media_type="application/json")
+
+    app.openapi = openapi  # type: ignore[method-assign]
+    app.add_route(OPENAPI_PATH, answer, include_in_schema=False)
 
 
 def describe(app: FastAPI, tags: Mapping[str, str], *, keys: bool, root_path: str) -> dict[str, Any]:

@@ -6,9 +6,11 @@ those of /rectify and /mosaic.
 
 import asyncio
 import json
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Form, Request, Response, UploadFile
+from pydantic import create_model
 
 from app.http.json_answers import JSON
 from app.http.known_options import known_parts
@@ -21,8 +23,9 @@ from app.routes.page_answers import (
     MOSAIC_HEADERS,
     PROBLEMS,
     RECTIFY_HEADERS,
-    Documentation,
+    PageAnswer,
     add_failed_pages,
+    answer_page,
 )
 from app.routes.sent_uploads import MANY_FILES, UploadFormRoute
 from app.schemas.mosaic import MosaicForm
@@ -35,197 +38,50 @@ from services.contract.images import EmbeddedFormat, PageReply, TextFormat
 
 router = APIRouter(route_class=UploadFormRoute, form_limits={"max_files": MANY_FILES})
 
-Image = Annotated[EmbeddedFormat, FORMAT]
-Text = Annotated[TextFormat, FORMAT]
-Pdf = Annotated[Literal["pdf"], FORMAT]
-Json = Annotated[Literal["json"], FORMAT]
+_TEXTS = ("text/plain", "text/markdown", "text/vnd.hocr+html", "application/alto+xml")
+_FORMATS: Mapping[str, tuple[Any, str, Mapping[str, Any]]] = {
+    "image": (EmbeddedFormat, "jpeg", dict.fromkeys(("image/jpeg", "image/png", "image/webp"), BINARY)),
+    "pdf": (Literal["pdf"], "pdf", {"application/pdf": BINARY}),
+    "text": (TextFormat, "txt", {media_type: {"schema": {"type": "string"}} for media_type in _TEXTS}),
+    "pages": (Literal["json"], "json", {JSON: {"schema": PLAIN_PAGES.reference}}),
+    "json": (Literal["json"], "json", {JSON: {"schema": PLAIN_MOSAIC.reference}}),
+}
+"""By the end of the path: the values of `format`, its default, and the content of the answer."""
 
 
-class RectifyImageForm(RectifyForm):
-    """The form of POST /rectify/image."""
+def _add(flow: Literal["rectify", "mosaic"], to: str, returns: str, does: str) -> None:
+    """Add the route /`flow`/`to`, which `does` something and `returns` it: its form has one kind of `format`."""
+    kind, default, content = _FORMATS[to]
+    is_file = to not in _ANSWERS
+    answer = _ANSWERS.get(to, answer_page)
+    work: Callable[..., Awaitable[Response]] = rectify.flatten if flow == "rectify" else mosaic.join
+    form = create_model(
+        f"{flow.capitalize()}{to.capitalize()}Form",
+        __base__=RectifyForm if flow == "rectify" else MosaicForm,
+        __doc__=f"The form of POST /{flow}/{to}.",
+        format=(Annotated[kind, FORMAT], default),
+    )
 
-    format: Image = "jpeg"
+    async def run(request: Request, state: State, form: Any) -> Response:
+        return await work(request, state, form, answer)
 
-
-class RectifyPdfForm(RectifyForm):
-    """The form of POST /rectify/pdf."""
-
-    format: Pdf = "pdf"
-
-
-class RectifyTextForm(RectifyForm):
-    """The form of POST /rectify/text."""
-
-    format: Text = "txt"
-
-
-class RectifyPagesForm(RectifyForm):
-    """The form of POST /rectify/pages."""
-
-    format: Json = "json"
-
-
-class MosaicImageForm(MosaicForm):
-    """The form of POST /mosaic/image."""
-
-    format: Image = "jpeg"
-
-
-class MosaicPdfForm(MosaicForm):
-    """The form of POST /mosaic/pdf."""
-
-    format: Pdf = "pdf"
-
-
-class MosaicJsonForm(MosaicForm):
-    """The form of POST /mosaic/json."""
-
-    format: Json = "json"
-
-
-def _documented(
-    description: str, content: dict[str, Any], *more: str, headers: dict[str, Any] | None = None
-) -> Documentation:
-    return {
-        200: {"description": description, "content": content, "headers": headers or {}},
-        **ACCEPTED,
-        **documented(*PROBLEMS, *more),
-    }
-
-
-def _flat(description: str, *media_types: str) -> Documentation:
-    return _documented(description, dict.fromkeys(media_types, BINARY), headers=RECTIFY_HEADERS)
-
-
-def _joined(description: str, *media_types: str) -> Documentation:
-    content = dict.fromkeys(media_types, BINARY)
-    return _documented(description, content, _OVERLAP, headers=MOSAIC_HEADERS)
-
-
-_IMAGES = ("image/jpeg", "image/png", "image/webp")
-_TEXT = {"schema": {"type": "string"}}
-_OVERLAP = "not-overlapping"
-
-
-@router.post(
-    "/rectify/image",
-    operation_id="rectify_to_image",
-    tags=["rectify"],
-    response_class=Response,
-    responses=_flat("The flat page.", *_IMAGES),
-    openapi_extra=PREFER,
-    dependencies=[known_parts(RectifyImageForm)],
-)
-async def rectify_to_image(
-    request: Request, state: State, form: Annotated[RectifyImageForm, Form(media_type="multipart/form-data")]
-) -> Response:
-    """Flatten a photo of a page: /rectify with an image as its answer."""
-    return await rectify.flatten(request, state, form)
-
-
-@router.post(
-    "/rectify/pdf",
-    operation_id="rectify_to_pdf",
-    tags=["rectify"],
-    response_class=Response,
-    responses=_flat("One PDF of all pages.", "application/pdf"),
-    openapi_extra=PREFER,
-    dependencies=[known_parts(RectifyPdfForm)],
-)
-async def rectify_to_pdf(
-    request: Request, state: State, form: Annotated[RectifyPdfForm, Form(media_type="multipart/form-data")]
-) -> Response:
-    """Flatten photos of pages: /rectify with one PDF as its answer; with text=true it can be searched."""
-    return await rectify.flatten(request, state, form)
-
-
-@router.post(
-    "/rectify/text",
-    operation_id="rectify_to_text",
-    tags=["rectify"],
-    response_class=Response,
-    responses=_documented(
-        "The text of all pages.",
-        dict.fromkeys(("text/plain", "text/markdown", "text/vnd.hocr+html", "application/alto+xml"), _TEXT),
-        headers=RECTIFY_HEADERS,
-    ),
-    openapi_extra=PREFER,
-    dependencies=[known_parts(RectifyTextForm)],
-)
-async def rectify_to_text(
-    request: Request, state: State, form: Annotated[RectifyTextForm, Form(media_type="multipart/form-data")]
-) -> Response:
-    """Read photos of pages: /rectify with their text as its answer."""
-    return await rectify.flatten(request, state, form)
-
-
-@router.post(
-    "/rectify/pages",
-    operation_id="rectify_to_pages",
-    tags=["rectify"],
-    response_class=Response,
-    responses=_documented(
-        "All pages, in the order of the upload; also one page is a list.",
-        {JSON: {"schema": PLAIN_PAGES.reference}},
-    ),
-    openapi_extra=PREFER,
-    dependencies=[known_parts(RectifyPagesForm)],
-)
-async def rectify_to_pages(
-    request: Request, state: State, form: Annotated[RectifyPagesForm, Form(media_type="multipart/form-data")]
-) -> Response:
-    """Flatten photos of pages: /rectify with always the same JSON, in which points are objects and nothing is null."""
-    return await rectify.flatten(request, state, form, _answer_pages)
-
-
-@router.post(
-    "/mosaic/image",
-    operation_id="mosaic_to_image",
-    tags=["mosaic"],
-    response_class=Response,
-    responses=_joined("The whole page.", *_IMAGES),
-    openapi_extra=PREFER,
-    dependencies=[known_parts(MosaicImageForm)],
-)
-async def mosaic_to_image(
-    request: Request, state: State, form: Annotated[MosaicImageForm, Form(media_type="multipart/form-data")]
-) -> Response:
-    """Join overlapping photos of one page: /mosaic with an image as its answer."""
-    return await mosaic.join(request, state, form)
-
-
-@router.post(
-    "/mosaic/pdf",
-    operation_id="mosaic_to_pdf",
-    tags=["mosaic"],
-    response_class=Response,
-    responses=_joined("The whole page as a PDF.", "application/pdf"),
-    openapi_extra=PREFER,
-    dependencies=[known_parts(MosaicPdfForm)],
-)
-async def mosaic_to_pdf(
-    request: Request, state: State, form: Annotated[MosaicPdfForm, Form(media_type="multipart/form-data")]
-) -> Response:
-    """Join overlapping photos of one page: /mosaic with a PDF as its answer; with text=true it can be searched."""
-    return await mosaic.join(request, state, form)
-
-
-@router.post(
-    "/mosaic/json",
-    operation_id="mosaic_to_json",
-    tags=["mosaic"],
-    response_class=Response,
-    responses=_documented(
-        "What is known of the page and its photos.", {JSON: {"schema": PLAIN_MOSAIC.reference}}, _OVERLAP
-    ),
-    openapi_extra=PREFER,
-    dependencies=[known_parts(MosaicJsonForm)],
-)
-async def mosaic_to_json(
-    request: Request, state: State, form: Annotated[MosaicJsonForm, Form(media_type="multipart/form-data")]
-) -> Response:
-    """Join overlapping photos of one page: /mosaic with JSON in which points are objects and nothing is null."""
-    return await mosaic.join(request, state, form, _answer_mosaic)
+    run.__annotations__["form"] = Annotated[form, Form(media_type="multipart/form-data")]
+    headers = RECTIFY_HEADERS if flow == "rectify" else MOSAIC_HEADERS
+    ok = {"description": returns, "content": dict(content), "headers": headers if is_file else {}}
+    problems = (*PROBLEMS, "not-overlapping") if flow == "mosaic" else PROBLEMS
+    router.add_api_route(
+        f"/{flow}/{to}",
+        run,
+        methods=["POST"],
+        name=f"{flow}_to_{to}",
+        operation_id=f"{flow}_to_{to}",
+        description=does,
+        tags=[flow],
+        response_class=Response,
+        responses={200: ok, **ACCEPTED, **documented(*problems)},
+        openapi_extra=PREFER,
+        dependencies=[known_parts(form)],
+    )
 
 
 async def _answer_pages(request: Request, reply: PageReply, photo: UploadFile, suffix: str) -> Response:
@@ -249,3 +105,22 @@ async def _answer_plain(answer: PagesResult | MosaicResult, plain: PlainAnswer) 
         return json.dumps(document, ensure_ascii=False, separators=(",", ":"))
 
     return Response(await asyncio.to_thread(write), media_type=JSON)
+
+
+_ANSWERS: Mapping[str, PageAnswer] = {"pages": _answer_pages, "json": _answer_mosaic}
+_FLAT, _JOIN = "Flatten photos of pages: /rectify with", "Join overlapping photos of one page: /mosaic with"
+_SEARCHED = "with text=true it can be searched."
+_PLAIN = "in which points are objects and nothing is null."
+_add("rectify", "image", "The flat page.", "Flatten a photo of a page: /rectify with an image as its answer.")
+_add("rectify", "pdf", "One PDF of all pages.", f"{_FLAT} one PDF as its answer; {_SEARCHED}")
+_add(
+    "rectify",
+    "text",
+    "The text of all pages.",
+    "Read photos of pages: /rectify with their text as its answer.",
+)
+_EACH = "All pages, in the order of the upload; also one page is a list."
+_add("rectify", "pages", _EACH, f"{_FLAT} always the same JSON, {_PLAIN}")
+_add("mosaic", "image", "The whole page.", f"{_JOIN} an image as its answer.")
+_add("mosaic", "pdf", "The whole page as a PDF.", f"{_JOIN} a PDF as its answer; {_SEARCHED}")
+_add("mosaic", "json", "What is known of the page and its photos.", f"{_JOIN} JSON {_PLAIN}")

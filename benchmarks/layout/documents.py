@@ -18,7 +18,8 @@ import numpy as np
 from benchmarks.layout.part import share, table
 from services.layout.page import Page, Zone
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
-from services.layout.recognition.documents import DocumentParameters, class_of, recognize_document
+from services.layout.recognition.documents import class_of, recognize_document
+from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.results import Recognition
 from services.layout.recognition.stack import SURE, part_stack
 from simulation.labelled_pages import DocumentKind, LabelledPage, document_pages
@@ -197,7 +198,7 @@ def measure_stacks(documents: Documents, models: Sequence[VersionedModel], stack
             if len(pages) + len(own) <= size:
                 begins.add(len(pages))
                 pages += own
-        parts = part_stack(pages, models, content_features().names, DocumentParameters())
+        parts = part_stack(pages, models, content_features().names, RecognitionParameters())
         found = set(parts.beginnings)
         sure = {place for place, chance in enumerate(parts.probabilities) if max(chance, 1 - chance) >= SURE}
         counts += Counter(

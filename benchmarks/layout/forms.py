@@ -35,7 +35,7 @@ from benchmarks.layout.form_documents import (
 )
 from benchmarks.layout.part import share, table
 from services.layout.pipeline import VersionedModel, content_features, initialize_with_items
-from services.layout.recognition.documents import DocumentParameters
+from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.stack import part_stack
 from services.ocr.engine import OcrEngine
 from services.operations.layout_tables import gather_tables
@@ -97,7 +97,7 @@ def measure_stack(number: int) -> tuple[int, int, int, int]:
         begins += [True] + [False] * (len(form.pages) - 1)
     features = content_features()
     gathered = gather_tables([(page.page, page.fine) for page in pages], models, features)
-    found = part_stack([page for page, _ in gathered], models, features.names, DocumentParameters())
+    found = part_stack([page for page, _ in gathered], models, features.names, RecognitionParameters())
     true = {place for place, is_first in enumerate(begins) if is_first} - {0}
     given = set(found.beginnings) - {0}
     return len(true), len(true & given), len(given - true), len(pages)

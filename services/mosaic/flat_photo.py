@@ -13,6 +13,8 @@ from services.notices import Notice
 from services.sheet.evidence import PageEvidence
 from services.sheet.shape import PageShape
 
+RIM_PX = 2
+"""Border of what a photo shows that is left out: its pixels mix with the outside."""
 GRID = 40
 """Points across and down a photo at which it is asked what of it a view shows."""
 

@@ -13,7 +13,7 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.node_grid import MAX_REDUCTION, continuous_nodes, positive_between
 from services.imaging.reduction import LARGEST_STEP, reduce_exactly, reduce_image
-from services.mosaic.flat_photo import FlatPhoto, SeenPage
+from services.mosaic.flat_photo import RIM_PX, FlatPhoto, SeenPage
 from services.notices import Notice
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
@@ -26,20 +26,13 @@ from services.rectify.view.judged_view import is_flatter
 from services.rectify.view.paper_end import PaperEnd, find_paper_end
 from services.rectify.view.print_kept import sheet_print
 from services.sheet.plane.framing import FlatFrame
-from services.texture_flow.text_identification import identify_text
+from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
 
-
-@dataclass(frozen=True, slots=True)
-class FlatteningParameters:
-    """Sizes of the view in which a photo is registered."""
-
-    view_pixels: float = 5e6
-    """More pixels do not improve registration: block matches are accurate to a twentieth of these pixels."""
-    text_height: float = 1 / 100
-    """Text height as a share of the long side, if no text is found."""
-    min_components: int = 10
-    rim_px: float = 2.0
-    """Border of the photo that is left out, because interpolation reaches beyond the photo there."""
+VIEW_PIXELS = 5e6
+"""Of the view in which a photo is registered. More do not improve it: block matches are accurate to a twentieth of
+these pixels."""
+TEXT_HEIGHT = 1 / 100
+"""Text height as a share of the long side, if no text is found."""
 
 
 def flatten_photo(
@@ -138,15 +131,14 @@ def view_again(flat: FlatPhoto, frame: Frame) -> FlatPhoto:
 
 def take_as_flat(index: int, photo: RgbImage, clock: StageClock) -> FlatPhoto:
     """Photo number `index` as its own flat view: for scans, and for photos without text."""
-    p = FlatteningParameters()
     height, width = photo.shape[:2]
     with clock.stage("text"):
         gray = luminance(photo)
         factor = min(1.0, AnalysisParameters().long_side_px / max(width, height))
         text = identify_text(flatten_illumination(reduce_image(gray, factor)))
         characters = len(text.components.sizes)
-    measured = text.text_height_px / factor if characters >= p.min_components else None
-    text_height_px = measured or p.text_height * max(width, height)
+    measured = text.text_height_px / factor if characters >= FEWEST_CHARACTERS else None
+    text_height_px = measured or TEXT_HEIGHT * max(width, height)
     with clock.stage("framing"):
         return view_photo(
             index, photo, FlatFrame(np.eye(3), width, height), text_height_px, float(characters)
@@ -165,14 +157,13 @@ def view_unchanged(flat: FlatPhoto) -> FlatPhoto:
 def view_photo(
     index: int, photo: RgbImage, frame: Frame, text_height_px: float, weight: float, *, is_drawn: bool = True
 ) -> FlatPhoto:
-    """View of `photo` through `frame`, reduced to at most `view_pixels`; `text_height_px` is in photo pixels.
+    """View of `photo` through `frame`, reduced to at most `VIEW_PIXELS`; `text_height_px` is in photo pixels.
 
     What has been registered in another view `is_drawn` there.
     """
-    p = FlatteningParameters()
-    frame = resize_frame(frame, min(1.0, float(np.sqrt(p.view_pixels / (frame.width * frame.height)))))
+    frame = resize_frame(frame, min(1.0, float(np.sqrt(VIEW_PIXELS / (frame.width * frame.height)))))
     nodes = photo_nodes(frame)
-    shown = _shown(photo, frame, nodes, p.rim_px)
+    shown = _shown(photo, frame, nodes)
     scales = _photo_px_per_flat_px(frame, shown)
     reduction = float(np.percentile(scales, FramingParameters().detail_percentile))
     usual = float(np.median(scales))
@@ -194,10 +185,10 @@ def view_photo(
     )
 
 
-def _shown(photo: RgbImage, frame: Frame, nodes: Floats, rim_px: float) -> Mask:
+def _shown(photo: RgbImage, frame: Frame, nodes: Floats) -> Mask:
     """Where the view shows the photo without its border; `nodes` are the view's `photo_nodes`."""
     middle = (np.array([photo.shape[1], photo.shape[0]]) - 1) / 2
-    within = middle - rim_px - np.abs(nodes - middle)
+    within = middle - RIM_PX - np.abs(nodes - middle)
     within[~continuous_nodes(nodes, MAX_REDUCTION)] = -FAR_PX
     return positive_between(within, frame.width, frame.height)
 

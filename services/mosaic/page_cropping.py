@@ -21,44 +21,40 @@ from services.rectify.view.outside_text import is_outside_text, of_text_height
 from services.sheet.plane.flat_photo import PhotoAsPage
 from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
 
-
-@dataclass(frozen=True, slots=True)
-class PageCroppingParameters:
-    """Lengths are cells, which are pixels of a page reduced to `long_side_px`, or shares of the page."""
-
-    long_side_px: int = 600
-    """Size at which the sheet is detected: a cell is then half a millimetre of an A4 page."""
-    steepest: float = 0.04
-    """Largest slope of an edge: sheets are cut parallel to their print within two degrees."""
-    slopes: int = 41
-    """Number of slopes that are tried: two next to each other differ by one cell over the page's height."""
-    straightness: float = 1.5
-    """Largest distance of an edge's points from its line, cells."""
-    support: float = 0.05
-    """Share of the page's height (width) along which paper and background must meet at an edge."""
-    consent: float = 0.5
-    """Smallest share of an edge's length with paper inside where the outside is not paper."""
-    beyond: float = 0.004
-    """Largest share of the paper outside of such an edge."""
-    sure_consent: float = 0.96
-    """An edge with at least this consent may have more paper outside. Neither a picture on the page nor the paper on
-    its other side has such a straight border."""
-    sure_beyond: float = 0.15
-    """Largest share of the paper outside of an edge of `sure_consent`: it may be a bright desk."""
-    step: float = 0.25
-    """Least step of a colour's logarithm across an edge in a photo's own colours: 0.05 on paper, 0.5 from paper to
-    wood."""
-    hue: float = 0.15
-    """Largest deviation of the logarithms of colours over their mean along an edge: 0.03 on paper, 0.2 to 0.6 on
-    wood."""
-    closing: int = 7
-    """Size of the morphological closing, cells: more than the height of a text line."""
-    candidates: int = 4
-    """Number of lines that are tested on each side, because a bright spot of the desk also has a border."""
-    ground: int = 3
-    """Width of the background next to the paper, cells, so that a photo's border is not mistaken for the sheet's."""
-    inset: float = 0.75
-    """Distance of the cut inside the edge, cells: pixels of the edge mix paper and background."""
+# Lengths are cells, which are pixels of a page reduced to `LONG_SIDE_PX`, or shares of the page.
+LONG_SIDE_PX = 600
+"""Size at which the sheet is detected: a cell is then half a millimetre of an A4 page."""
+STEEPEST = 0.04
+"""Largest slope of an edge: sheets are cut parallel to their print within two degrees."""
+SLOPES = 41
+"""Number of slopes that are tried: two next to each other differ by one cell over the page's height."""
+STRAIGHTNESS = 1.5
+"""Largest distance of an edge's points from its line, cells."""
+SUPPORT = 0.05
+"""Share of the page's height (width) along which paper and background must meet at an edge."""
+CONSENT = 0.5
+"""Smallest share of an edge's length with paper inside where the outside is not paper."""
+BEYOND = 0.004
+"""Largest share of the paper outside of such an edge."""
+SURE_CONSENT = 0.96
+"""An edge with at least this consent may have more paper outside. Neither a picture on the page nor the paper on
+its other side has such a straight border."""
+SURE_BEYOND = 0.15
+"""Largest share of the paper outside of an edge of `SURE_CONSENT`: it may be a bright desk."""
+STEP = 0.25
+"""Least step of a colour's logarithm across an edge in a photo's own colours: 0.05 on paper, 0.5 from paper to
+wood."""
+HUE = 0.15
+"""Largest deviation of the logarithms of colours over their mean along an edge: 0.03 on paper, 0.2 to 0.6 on
+wood."""
+CLOSING = 7
+"""Size of the morphological closing, cells: more than the height of a text line."""
+CANDIDATES = 4
+"""Number of lines that are tested on each side, because a bright spot of the desk also has a border."""
+GROUND = 3
+"""Width of the background next to the paper, cells, so that a photo's border is not mistaken for the sheet's."""
+INSET = 0.75
+"""Distance of the cut inside the edge, cells: pixels of the edge mix paper and background."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +87,7 @@ class PageCells:
 
 def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCells:
     """Maps of the sheet on a page of `width` x `height` mosaic pixels. In each cell the majority of photos decides."""
-    p = PageCroppingParameters()
-    factor = min(1.0, p.long_side_px / max(width, height))
+    factor = min(1.0, LONG_SIDE_PX / max(width, height))
     columns, rows = max(round(width * factor), 1), max(round(height * factor), 1)
     nodes, shape = node_grid(0, 0, columns, rows)
     mosaic = (nodes + 0.5) * (width / columns, height / rows) - 0.5
@@ -112,10 +107,10 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
         beyond = shown & np.isnan(at).any(axis=2)  # next to where the sheet's model ends
         if beyond.any():
             at[beyond] = photo.flat.to_photo(flat[beyond].astype(np.float64))
-        view = _take_nearest(*_blank_photo(photo.flat.photo, at, p), cv2.BORDER_REPLICATE)
+        view = _take_nearest(*_blank_photo(photo.flat.photo, at), cv2.BORDER_REPLICATE)
         views.append(np.where(shown[..., None], np.maximum(view, 1), 0).astype(np.uint8))
         votes[0] += shown
-        votes[1] += 2 * (shown & _on_sheet(photo.flat, at, p))
+        votes[1] += 2 * (shown & _on_sheet(photo.flat, at))
     seen = votes[0] > 0
     paper = np.asarray(seen & (votes[1] >= votes[0]))
     return PageCells(seen, paper, tuple(views), all(_is_page(photo.flat) for photo in placed))
@@ -134,13 +129,12 @@ def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:
     in places is recognized by the colour step across the edge. Everything beyond an edge is not the page. On a side
     without a visible edge the page extends to the end of the photos.
     """
-    p = PageCroppingParameters()
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
-    paper, printed = _paper_of_page(page, cells.seen, p)
+    paper, printed = _paper_of_page(page, cells.seen)
     edges: Floats = np.zeros((0, 3))
     if not cells.are_pages:
-        edges = _find_edges(PageCells(cells.seen, cells.paper & paper, cells.views), p)
+        edges = _find_edges(PageCells(cells.seen, cells.paper & paper, cells.views))
     if printed:
         dark, light = (centres @ edges[:, :2].T + edges[:, 2] < 0 for centres in printed)
         counts = zip(dark.sum(axis=0).tolist(), light.sum(axis=0).tolist(), strict=True)
@@ -171,23 +165,21 @@ def crop_page(page: RgbImage, crop: PageCrop) -> RgbImage:
     return part
 
 
-def _on_sheet(photo: FlatPhoto, at: NDArray[np.float32], p: PageCroppingParameters) -> Mask:
+def _on_sheet(photo: FlatPhoto, at: NDArray[np.float32]) -> Mask:
     """Which photo pixels `at` (h, w, 2) lie on the sheet; all if its edge is not visible."""
     if photo.sheet is None:
         return np.ones(at.shape[:2], bool)
     height, width = photo.photo.shape[:2]
-    factor = min(1.0, p.long_side_px / max(width, height))
+    factor = min(1.0, LONG_SIDE_PX / max(width, height))
     inside = np.zeros((round(height * factor) + 1, round(width * factor) + 1), np.uint8)
     cv2.fillPoly(inside, [np.round(to_resized(photo.sheet, factor)).astype(np.int32)], (1,))
     return np.asarray(_take_nearest(inside, to_resized(at, factor), cv2.BORDER_REPLICATE) > 0)
 
 
-def _blank_photo(
-    photo: RgbImage, at: NDArray[np.float32], p: PageCroppingParameters
-) -> tuple[RgbImage, NDArray[np.float32]]:
+def _blank_photo(photo: RgbImage, at: NDArray[np.float32]) -> tuple[RgbImage, NDArray[np.float32]]:
     """The photo, reduced and without print, and the places there of its pixels `at` (h, w, 2)."""
-    factor = min(1.0, p.long_side_px / max(photo.shape[:2]))
-    kernel = np.ones((p.closing, p.closing), np.uint8)
+    factor = min(1.0, LONG_SIDE_PX / max(photo.shape[:2]))
+    kernel = np.ones((CLOSING, CLOSING), np.uint8)
     blank = cv2.morphologyEx(reduce_image(photo, factor, fine=False), cv2.MORPH_CLOSE, kernel)
     return np.asarray(blank, np.uint8), to_resized(at, factor)
 
@@ -196,7 +188,7 @@ def _take_nearest(image: NDArray[np.uint8], at: NDArray[np.float32], border: int
     return np.asarray(take_values(image, np.asarray(at, np.float32), cv2.INTER_NEAREST, border), np.uint8)
 
 
-def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tuple[Mask, list[Points]]:
+def _paper_of_page(page: RgbImage, seen: Mask) -> tuple[Mask, list[Points]]:
     """Cells of the page that are paper (all if no background is found, or no text), and points of print in cells.
 
     The points include dark and light print, on paper or elsewhere.
@@ -217,7 +209,7 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
         for found in (text, identify_text(negative))
     ]
     small = np.asarray(cv2.bitwise_and(small, small, mask=mask), np.uint8)
-    sizes = PaperParameters(long_side_px=p.long_side_px)
+    sizes = PaperParameters(long_side_px=LONG_SIDE_PX)
     outline = model_paper(small, characters, sizes).outline(characters, sizes)
     if outline is None:
         return np.ones(seen.shape, bool), printed
@@ -227,89 +219,86 @@ def _paper_of_page(page: RgbImage, seen: Mask, p: PageCroppingParameters) -> tup
     return np.asarray(paper > 0), printed
 
 
-def _find_edges(cells: PageCells, p: PageCroppingParameters) -> Floats:
+def _find_edges(cells: PageCells) -> Floats:
     """Edges (K, 3) of the sheet in cells, positive on the sheet's side."""
     edges = []
     for quarters in range(4):
         # Rotated so that the current side is the left one.
         views = tuple(np.rot90(view, quarters) for view in cells.views)
         turned = PageCells(np.rot90(cells.seen, quarters), np.rot90(cells.paper, quarters), views)
-        edge = _find_left_edge(turned, p)
+        edge = _find_left_edge(turned)
         if edge is not None:
             edges.append(_turned_back(edge, quarters, cells.seen.shape))
     return np.array(edges).reshape(-1, 3)
 
 
-def _find_left_edge(cells: PageCells, p: PageCroppingParameters) -> Floats | None:
+def _find_left_edge(cells: PageCells) -> Floats | None:
     """Line (a, b, c) along the left side of the sheet, if background is visible there; else None."""
-    y, x = _left_borders(cells.paper, cells.seen, p)
-    for _ in range(p.candidates):
-        best = _on_one_line(y, x, p)
-        if best.sum() < p.support * len(cells.paper):
+    y, x = _left_borders(cells.paper, cells.seen)
+    for _ in range(CANDIDATES):
+        best = _on_one_line(y, x)
+        if best.sum() < SUPPORT * len(cells.paper):
             return None
         slope, intercept = np.polyfit(y[best], x[best], 1)
-        if _is_edge(cells, slope, intercept, y[best].astype(int), p):
+        if _is_edge(cells, slope, intercept, y[best].astype(int)):
             # x is the first cell of paper; its left border is half a cell to the left.
-            return np.array([1.0, -slope, -(intercept - 0.5 + p.inset)])
+            return np.array([1.0, -slope, -(intercept - 0.5 + INSET)])
         y, x = y[~best], x[~best]
     return None
 
 
-def _left_borders(paper: Mask, seen: Mask, p: PageCroppingParameters) -> tuple[Floats, Floats]:
+def _left_borders(paper: Mask, seen: Mask) -> tuple[Floats, Floats]:
     """Rows and columns (N,) of paper cells with background to their left and more paper to their right."""
     ground = seen & ~paper
-    width = paper.shape[1] - 2 * p.ground + 1
+    width = paper.shape[1] - 2 * GROUND + 1
     border = np.ones((len(paper), max(width, 0)), bool)
-    for step in range(p.ground):
-        border &= ground[:, step : step + width] & paper[:, p.ground + step : p.ground + step + width]
+    for step in range(GROUND):
+        border &= ground[:, step : step + width] & paper[:, GROUND + step : GROUND + step + width]
     y, x = np.nonzero(border)
-    return y.astype(np.float64), x.astype(np.float64) + p.ground
+    return y.astype(np.float64), x.astype(np.float64) + GROUND
 
 
-def _on_one_line(y: Floats, x: Floats, p: PageCroppingParameters) -> NDArray[np.bool_]:
+def _on_one_line(y: Floats, x: Floats) -> NDArray[np.bool_]:
     """Which points (N,) lie on the steep line with most points."""
     best = np.zeros(len(y), bool)
     if len(y) == 0:
         return best
-    for slope in np.linspace(-p.steepest, p.steepest, p.slopes):
+    for slope in np.linspace(-STEEPEST, STEEPEST, SLOPES):
         # The line of this slope with most points: the densest window of their intercepts.
         intercept = x - slope * y
         order = np.sort(intercept)
-        last = np.searchsorted(order, order + 2 * p.straightness, side="right")
+        last = np.searchsorted(order, order + 2 * STRAIGHTNESS, side="right")
         start = int(np.argmax(last - np.arange(len(order))))
-        on = (intercept >= order[start]) & (intercept <= order[start] + 2 * p.straightness)
+        on = (intercept >= order[start]) & (intercept <= order[start] + 2 * STRAIGHTNESS)
         best = on if on.sum() > best.sum() else best
     return best
 
 
-def _is_edge(
-    cells: PageCells, slope: float, intercept: float, borders: NDArray[np.int_], p: PageCroppingParameters
-) -> bool:
+def _is_edge(cells: PageCells, slope: float, intercept: float, borders: NDArray[np.int_]) -> bool:
     """Whether the sheet ends at x = slope y + intercept; in the rows `borders` background meets paper there."""
     paper, seen = cells.paper, cells.seen
     columns, lines = np.meshgrid(np.arange(paper.shape[1]), np.arange(paper.shape[0]))
     off = columns - (intercept + slope * lines)
-    beyond = (paper & (off < -2 * p.straightness)).sum() / paper.sum()
+    beyond = (paper & (off < -2 * STRAIGHTNESS)).sum() / paper.sum()
     # Rows where the line has paper inside and any photo shows its outside.
-    reach = 2 * p.straightness + 1
+    reach = 2 * STRAIGHTNESS + 1
     inner = (paper & (off >= 0) & (off < reach)).any(axis=1)
     outer = (seen & (off < -1) & (off >= -reach)).any(axis=1)
     differs = np.zeros(len(paper), bool)
     both = inner & outer
     if cells.views:
-        differs, other = _steps(cells.views, slope, intercept, p)
+        differs, other = _steps(cells.views, slope, intercept)
         # Beyond the sheet's corners the desk is on both sides of the line.
         both &= ~other
     differs[borders] = True
     consent = (both & differs).sum() / max(both.sum(), 1)
     return bool(
-        (beyond <= p.beyond and consent >= p.consent)
-        or (beyond <= p.sure_beyond and consent >= p.sure_consent)
+        (beyond <= BEYOND and consent >= CONSENT) or (beyond <= SURE_BEYOND and consent >= SURE_CONSENT)
     )
 
 
 def _steps(
-    views: tuple[RgbImage, ...], slope: float, intercept: float, p: PageCroppingParameters
+    views: tuple[RgbImage, ...], slope: float, intercept: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Rows (h,) in which most photos that show both sides of the line show different colours there, and rows in which
     the colour to its right has another hue than along most of the line.
@@ -318,7 +307,7 @@ def _steps(
     rows = np.arange(height)
     line = intercept + slope * rows
     inside, outside = (
-        np.clip(np.round(line + shift).astype(int), 0, width - 1) for shift in (p.ground, -p.ground - 1)
+        np.clip(np.round(line + shift).astype(int), 0, width - 1) for shift in (GROUND, -GROUND - 1)
     )
     votes = np.zeros((3, height), np.int16)
     for view in views:
@@ -326,11 +315,11 @@ def _steps(
         shown = inner.any(axis=1) & outer.any(axis=1)
         step = np.abs(np.log((inner + 1) / (outer + 1))).max(axis=1)
         votes[0] += shown
-        votes[1] += 2 * (shown & (step > p.step))
+        votes[1] += 2 * (shown & (step > STEP))
         if shown.any():
             hue = np.log((inner + 1) / (inner.mean(axis=1, keepdims=True) + 1))
             away = np.linalg.norm(hue - np.median(hue[shown], axis=0), axis=1)
-            votes[2] += 2 * (shown & (away > p.hue))
+            votes[2] += 2 * (shown & (away > HUE))
     differs, other = (votes[1:] > 0) & (votes[1:] >= votes[0])
     return differs, other
 

@@ -26,7 +26,6 @@ from services.imaging.page_images import PageSource, naming_page, open_pages
 from services.layout.exchange.page_json import page_to_document
 from services.layout.pipeline import complete_recognition, content_features
 from services.layout.recognition.documents import (
-    DocumentParameters,
     DocumentRecognition,
     recognize_document,
 )
@@ -134,7 +133,10 @@ def _recognize_pages(
         return _recognize_document(seen, gathered, versions, models, options, settings, timings_ms, ())
     with timed("beginnings", timings_ms):
         parts = part_stack(
-            [page for page, _ in gathered], versions, features.names, _document_parameters(options)
+            [page for page, _ in gathered],
+            versions,
+            features.names,
+            RecognitionParameters(explain=options.explain),
         )
     documents = []
     for begin, end in pairwise((*parts.beginnings, len(seen))):
@@ -175,10 +177,6 @@ def _check_format(options: LayoutOptions, pages: int) -> None:
     )
 
 
-def _document_parameters(options: LayoutOptions) -> DocumentParameters:
-    return DocumentParameters(recognition=RecognitionParameters(explain=options.explain))
-
-
 def _recognize_document(
     seen: Sequence[_SeenPage],
     gathered: Sequence[SegmentedPage],
@@ -192,7 +190,7 @@ def _recognize_document(
     """The reply about one document: `gathered`, `before_ms` and `matched` are of what was done for all pages."""
     timings_ms = dict(before_ms)
     features = content_features(settings.content_features)
-    parameters = _document_parameters(options)
+    parameters = RecognitionParameters(explain=options.explain)
     with timed("matching", timings_ms):
         view, recognition = recognize_view(
             gathered,
@@ -209,9 +207,7 @@ def _recognize_document(
         completed = [
             replace(
                 placed,
-                recognition=complete_recognition(
-                    fine, placed.recognition, versions, parameters.recognition, features
-                ),
+                recognition=complete_recognition(fine, placed.recognition, versions, parameters, features),
             )
             for placed, (_, fine) in zip(recognition.pages, view, strict=True)
         ]

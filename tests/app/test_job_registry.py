@@ -316,7 +316,7 @@ def test_blobs_without_a_job_are_swept(tmp_path: Path) -> None:
 
 def test_freed_memory_goes_back_to_the_system(monkeypatch: pytest.MonkeyPatch) -> None:
     """What threads have freed stays in the heap of each of them, wherever a later block holds its end."""
-    monkeypatch.setattr(dispatch, "RELEASE_EVERY_S", 0.05)
+    monkeypatch.setattr(dispatch, "OFTEN_S", 0.05)
     size_bytes, blocks = 100_000, 600
     kept: list[bytes] = []
 

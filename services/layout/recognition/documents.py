@@ -10,7 +10,7 @@ continuation models this part dominates, so that later pages give it neither an 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,27 +18,24 @@ from scipy.special import expit, softmax
 
 from services.layout.page import Page
 from services.layout.recognition.classification import class_evidence, log_odds_of_fit
-from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
+from services.layout.recognition.page_recognition import (
+    USUAL,
+    RecognitionParameters,
+    VersionedModel,
+    recognize_page,
+)
 from services.layout.recognition.results import ClassMatch, Recognition
 
 Part = Literal["first", "continuation"]
 
 
-@dataclass(frozen=True, slots=True)
-class DocumentParameters:
-    """Mixture weights of later pages; measured on simulated letters, memos and papers of 2 to 4 pages.
-
-    Later pages of different classes are more alike than first ones. By models of two or three samples they mislead as
-    often as they help, so that 0.05 as a stray page's probability named 5 of 84 documents wrong, first pages alone 2;
-    by models of five they help, most where little is left of the first page.
-    """
-
-    stray: float = 0.2
-    """Probability of a stray later page, for a class with continuation models; 0.1 to 0.3 give equal results."""
-    untaught: float = 0.9
-    """Probability of a stray later page, for a class without continuation models; its samples may include later
-    pages."""
-    recognition: RecognitionParameters = field(default_factory=RecognitionParameters)
+STRAY = 0.2
+"""Probability of a stray later page, for a class with continuation models, by simulated letters, memos and papers of 2
+to 4 pages; 0.1 to 0.3 give equal results. Later pages of different classes are more alike than first ones. By models of
+two or three samples they mislead as often as they help, so that 0.05 named 5 of 84 documents wrong, first pages alone
+2; by models of five they help, most where little is left of the first page."""
+UNTAUGHT = 0.9
+"""The same for a class without continuation models; its samples may include later pages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +90,7 @@ def place_again(
     part: Part | None,
     models: Sequence[VersionedModel],
     content_names: tuple[str, ...],
-    parameters: DocumentParameters = DocumentParameters(),
+    parameters: RecognitionParameters = USUAL,
 ) -> PageInDocument:
     """A page of a document that is recognized again without the document's other pages.
 
@@ -104,9 +101,9 @@ def place_again(
     if each is None or part is None:
         return place_page(recognition, models)
     place = 0 if part == "first" else 1
-    model = _model_of_page(place, page_evidence(recognition, models, parameters.recognition), each)
-    labelled = _label(recognition, model, content_names, parameters.recognition)
-    fits = place == 0 or _fit(labelled, model, parameters.recognition) >= 0
+    model = _model_of_page(place, page_evidence(recognition, models, parameters), each)
+    labelled = _label(recognition, model, content_names, parameters)
+    fits = place == 0 or _fit(labelled, model, parameters) >= 0
     return PageInDocument(labelled if fits else replace(labelled, chosen=None), part, document_class)
 
 
@@ -122,7 +119,7 @@ def recognize_document(
     pages: Sequence[Page],
     models: Sequence[VersionedModel],
     content_names: tuple[str, ...],
-    parameters: DocumentParameters = DocumentParameters(),
+    parameters: RecognitionParameters = USUAL,
     on_page: Callable[[int], None] = lambda index: None,
     matched: Sequence[Recognition] = (),
 ) -> DocumentRecognition:
@@ -140,19 +137,19 @@ def recognize_document(
         if matched and len(competing) == len(models):
             seen.append(matched[index])
         else:
-            seen.append(recognize_page(page, competing, content_names, parameters.recognition))
+            seen.append(recognize_page(page, competing, content_names, parameters))
         on_page(index)
     if first is None or not models:
         return DocumentRecognition(None, (), 0.0, tuple(PageInDocument(each, None, None) for each in seen))
-    evidence = [page_evidence(each, models, parameters.recognition) for each in seen]
-    among = softmax([_log_likelihood(evidence[first:], each, parameters) for each in classes.values()])
+    evidence = [page_evidence(each, models, parameters) for each in seen]
+    among = softmax([_log_likelihood(evidence[first:], each) for each in classes.values()])
     best = list(classes)[int(np.argmax(among))]
     by_page = [_model_of_page(index - first, evidence[index], classes[best]) for index in range(len(pages))]
     labelled = [
-        _label(recognition, model, content_names, parameters.recognition)
+        _label(recognition, model, content_names, parameters)
         for recognition, model in zip(seen, by_page, strict=True)
     ]
-    odds = _fit(labelled[first], classes[best].first, parameters.recognition)
+    odds = _fit(labelled[first], classes[best].first, parameters)
     matches = [
         ClassMatch(
             name, each.first.version, _cost(seen[first:], evidence[first:], each), float(expit(odds) * share)
@@ -164,7 +161,7 @@ def recognize_document(
     is_known = matches[0].probability >= unknown
     found = []
     for index, recognition in enumerate(labelled):
-        fits = index == first or _fit(recognition, by_page[index], parameters.recognition) >= 0
+        fits = index == first or _fit(recognition, by_page[index], parameters) >= 0
         part: Part | None = None
         if is_known and pages[index].zones:
             part = "first" if index == first else "continuation"
@@ -206,12 +203,10 @@ def page_evidence(
     return {match.name: float(value) for match, value in zip(recognition.classes, found, strict=True)}
 
 
-def _log_likelihood(
-    evidence: Sequence[Mapping[str, float]], each: ClassModels, parameters: DocumentParameters
-) -> float:
+def _log_likelihood(evidence: Sequence[Mapping[str, float]], each: ClassModels) -> float:
     """Log likelihood of the pages from the first one on, given the class, up to a constant of all classes."""
     total = evidence[0].get(each.first.model.name, -np.inf)
-    stray = parameters.stray if each.later else parameters.untaught
+    stray = STRAY if each.later else UNTAUGHT
     for page in evidence[1:]:
         if page:
             # A page of any kind has 0; the best of all models may give more.

@@ -20,13 +20,13 @@ from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.recognition.classification import log_odds_of_fit
 from services.layout.recognition.documents import (
+    STRAY,
     ClassModels,
-    DocumentParameters,
     gather_classes,
     later_log_likelihood,
     page_evidence,
 )
-from services.layout.recognition.page_recognition import VersionedModel, recognize_page
+from services.layout.recognition.page_recognition import RecognitionParameters, VersionedModel, recognize_page
 from services.layout.recognition.results import Recognition
 
 BEGINNING = 0.35
@@ -76,7 +76,7 @@ def part_stack(
     pages: Sequence[Page],
     models: Sequence[VersionedModel],
     content_names: tuple[str, ...],
-    parameters: DocumentParameters,
+    parameters: RecognitionParameters,
 ) -> StackParts:
     """Where documents begin among `pages`, which carry their content features; one document if there is no model.
 
@@ -87,7 +87,7 @@ def part_stack(
         return StackParts((0,), (1.0,) + (0.0,) * (len(pages) - 1))
     classes = list(gather_classes(models).values())
     blank = np.full(len(classes) + 1, -np.inf), np.zeros(len(classes) + 1)
-    matched = tuple(recognize_page(page, models, content_names, parameters.recognition) for page in pages)
+    matched = tuple(recognize_page(page, models, content_names, parameters) for page in pages)
     likelihoods = [
         _likelihoods(seen, models, classes, parameters) if seen.page.zones else blank for seen in matched
     ]
@@ -103,17 +103,17 @@ def _likelihoods(
     seen: Recognition,
     models: Sequence[VersionedModel],
     classes: Sequence[ClassModels],
-    parameters: DocumentParameters,
+    parameters: RecognitionParameters,
 ) -> Likelihoods:
     """Of documents of no class, then of each class."""
-    evidence = page_evidence(seen, models, parameters.recognition)
+    evidence = page_evidence(seen, models, parameters)
     (nearest,) = (model.model for model in models if model.model.name == seen.classes[0].name)
     fit = log_odds_of_fit(seen.classes[0].comparable_cost, nearest.calibration, len(seen.page.zones))
     stranger = evidence[nearest.name] - fit
     first, later = [stranger], [stranger]
     for each in classes:
         as_first = evidence.get(each.first.model.name, -np.inf)
-        stray = parameters.stray if each.later else _STRAY
+        stray = STRAY if each.later else _STRAY
         as_later = later_log_likelihood(evidence, each, stranger, stray)
         if each.later:
             as_later = np.logaddexp(math.log1p(-_UNTAUGHT) + as_later, math.log(_UNTAUGHT) + as_first)

@@ -18,7 +18,8 @@ from services.imaging.node_grid import (
     take_values,
 )
 from services.imaging.reduction import LARGEST_STEP
-from services.mosaic.light.canvas import OUTSIDE_PX, RIM_PX
+from services.mosaic.flat_photo import RIM_PX
+from services.mosaic.light.canvas import OUTSIDE_PX
 from services.mosaic.light.tones import apply_tones, tone_factors
 from services.mosaic.placed_photo import PlacedPhoto
 

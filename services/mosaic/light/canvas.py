@@ -11,7 +11,7 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.node_grid import GRID_STEP_PX, between_nodes, node_grid, take_values
 from services.imaging.reduction import reduce_image
-from services.mosaic.flat_photo import FlatPhoto
+from services.mosaic.flat_photo import RIM_PX, FlatPhoto
 from services.mosaic.placing.placement import Placement
 
 FloatImage = NDArray[np.float32]
@@ -23,8 +23,6 @@ BLOCK_PX = 24
 """Side of a block, canvas pixels. Views start and end at blocks, so that the cells of all views coincide."""
 LARGEST_SIDE_PX = 2400
 """Largest side of the canvas, for any number and size of photos."""
-RIM_PX = 2
-"""Border of the shown part that is left out; its pixels mix with the outside."""
 
 BORDER_POINTS = 9
 """Points along each side of a view that give its extent on the mosaic."""

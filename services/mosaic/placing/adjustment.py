@@ -18,7 +18,6 @@ from services.mosaic.placing.frontal_frame import ViewInWorld, agree_on_views
 from services.mosaic.placing.homography_bundle import (
     PRIOR_POINTS,
     Bundle,
-    BundleParameters,
     BundleSolution,
     FrontalPrior,
     solve_bundle,
@@ -30,10 +29,7 @@ from services.robust import CAUCHY_WIDTH
 
 OWN_STEPS = 6
 """Steps of the fit of a single pair, which starts at its registration."""
-
-
 # Lengths are relative to the mean diagonal of the views.
-BUNDLE = BundleParameters()
 CONTRADICTED_WEIGHT = 0.1
 """Mean weight of matches below which a pair is contradicted: it is off by seven standard deviations."""
 CONTRADICTED_RESIDUAL = 0.001
@@ -111,7 +107,7 @@ def adjust_globally(
     if len(photos) == 1:
         return GlobalAdjustment({photos[0]: np.eye(3)}, (), 0.0, True)
     bundle = Bundle.of(photos, sizes, pairs)
-    own = np.array([_own_deviation(bundle, k, BUNDLE) for k in range(len(pairs))])
+    own = np.array([_own_deviation(bundle, k) for k in range(len(pairs))])
     solution, left_out = _without_contradictions(bundle, len(photos), own)
     solution = _as_frontal_as_known(bundle, solution, own, left_out)
     maps = solution.maps
@@ -144,17 +140,15 @@ def _without_contradictions(bundle: Bundle, count: int, own: Vector) -> tuple[Bu
     suspicious pair is left out on trial. It stays out if the loss of all pairs, including its own, then falls clearly.
     """
     left_out: frozenset[int] = frozenset()
-    best = solve_bundle(bundle, _chain(bundle, count, left_out), own, BUNDLE, left_out)
-    roughly = replace(BUNDLE, step_px=TRIAL_STEP_PX)
+    best = solve_bundle(bundle, _chain(bundle, count, left_out), own, left_out)
     for _ in range(MOST_LEFT_OUT):
         suspects = [k for k in _suspects(bundle, best, SUSPICIOUS_WEIGHT) if k not in left_out]
         trials = []
         for k in suspects[:MOST_SUSPECTS]:
             without = left_out | {k}
             if _connected(bundle, count, without):
-                trials.append(
-                    (solve_bundle(bundle, _chain(bundle, count, without), own, roughly, without), without)
-                )
+                start = _chain(bundle, count, without)
+                trials.append((solve_bundle(bundle, start, own, without, step_px=TRIAL_STEP_PX), without))
         if not trials:
             break
         deviation = min(solution.deviation_px for solution, _ in trials)
@@ -164,7 +158,7 @@ def _without_contradictions(bundle: Bundle, count: int, own: Vector) -> tuple[Bu
             break
         best, left_out = trials[int(np.argmin(losses))]
     if left_out:
-        best = solve_bundle(bundle, best.maps, own, BUNDLE, left_out)
+        best = solve_bundle(bundle, best.maps, own, left_out)
     return best, left_out
 
 
@@ -180,7 +174,6 @@ def _as_frontal_as_known(
     """
     points = PRIOR_POINTS[:, 0] + 1j * PRIOR_POINTS[:, 1]
     expected, prior = np.inf, None
-    roughly = replace(BUNDLE, step_px=TRIAL_STEP_PX)
     for _ in range(PRIOR_PASSES):
         views = [ViewInWorld(points, transform_points(A, PRIOR_POINTS), 1.0) for A in solution.maps]
         agreed = agree_on_views(views, np.full(len(views), 1 / len(views)))
@@ -191,8 +184,8 @@ def _as_frontal_as_known(
         # A view with a larger departure than the others gets a wider prior.
         prior = FrontalPrior(usual / np.sqrt(np.maximum(agreed.trust / agreed.trust.max(), 1e-12)))
         start = agreed.H_frontal_world @ solution.maps
-        solution = solve_bundle(bundle, start, own, roughly, left_out, prior)
-    return solution if prior is None else solve_bundle(bundle, solution.maps, own, BUNDLE, left_out, prior)
+        solution = solve_bundle(bundle, start, own, left_out, prior, step_px=TRIAL_STEP_PX)
+    return solution if prior is None else solve_bundle(bundle, solution.maps, own, left_out, prior)
 
 
 def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:
@@ -244,10 +237,10 @@ def _chain(bundle: Bundle, count: int, left_out: frozenset[int]) -> Floats:
     return maps
 
 
-def _own_deviation(bundle: Bundle, k: int, p: BundleParameters) -> float:
+def _own_deviation(bundle: Bundle, k: int) -> float:
     """Standard deviation of a pair's matches from its own best homography, common pixels."""
     first = bundle.halves[k][0]
     pair = replace(bundle, halves=(bundle.halves[k],), confidences=(bundle.confidences[k],))
     maps = np.tile(np.eye(3), (len(bundle.units), 1, 1))
     maps[first.source] = bundle.initial[k]
-    return solve_bundle(pair, maps, np.zeros(1), replace(p, most_steps=OWN_STEPS)).deviation_px
+    return solve_bundle(pair, maps, np.zeros(1), most_steps=OWN_STEPS).deviation_px

@@ -35,16 +35,10 @@ GREATEST_DEVIATION = 0.003
 """Largest deviation on gently curved pages, relative to the diagonal. A larger one is a contradiction."""
 ANNEALING = 0.4
 """Factor of the loss width per step, from the largest disagreement of a pair to the matches' own spread."""
-
-
-@dataclass(frozen=True, slots=True)
-class BundleParameters:
-    """Lengths are relative to the views' diagonals, or pixels of a common resolution (the views' geometric mean)."""
-
-    most_steps: int = 80
-    """Enough for 20 halvings and 20 steps that each gain a digit or two."""
-    step_px: float = 1e-6
-    """Convergence: no corner of a view moves more than this."""
+MOST_STEPS = 80
+"""Enough for 20 halvings and 20 steps that each gain a digit or two."""
+STEP_PX = 1e-6
+"""Convergence: no corner of a view moves more than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,9 +146,11 @@ def solve_bundle(
     bundle: Bundle,
     start: Floats,
     own: Vector,
-    p: BundleParameters,
     left_out: frozenset[int] = frozenset(),
     prior: FrontalPrior | None = None,
+    *,
+    step_px: float = STEP_PX,
+    most_steps: int = MOST_STEPS,
 ) -> BundleSolution:
     """Solution by Gauss-Newton on reweighted squares (Cauchy loss).
 
@@ -169,12 +165,12 @@ def solve_bundle(
         (n, 3, 3) initial maps.
     own
         Deviation of each pair about its own homography: the lower limit of its loss width, common pixels.
-    p
-        Parameters.
     left_out
         Indices of pairs without effect.
     prior
         Prior on the views, if any.
+    step_px, most_steps
+        The search ends when no corner of a view moves farther, or after so many steps.
     """
     count = len(bundle.halves)
     counted = [k for k in range(count) if k not in left_out]
@@ -186,7 +182,7 @@ def solve_bundle(
     width = CAUCHY_WIDTH * max([least, *(float(np.median(distances[k])) for k in counted)])
     deviation = least
     robust: list[Vector] = [np.ones(len(d)) for d in distances]
-    for _ in range(p.most_steps):
+    for _ in range(most_steps):
         middle = float(np.median(np.concatenate([distances[k] for k in counted]))) / MEDIAN_LENGTH
         deviation = float(np.clip(middle, least, most))
         settled = width * ANNEALING <= CAUCHY_WIDTH * deviation
@@ -206,7 +202,7 @@ def solve_bundle(
             converged = settled
             break
         maps, distances, damping = moved, distances_moved, max(damping * 0.1, 1e-12)
-        if settled and np.abs(step).sum(axis=1).max() * bundle.units.max() < p.step_px:
+        if settled and np.abs(step).sum(axis=1).max() * bundle.units.max() < step_px:
             converged = True
             break
     return BundleSolution(

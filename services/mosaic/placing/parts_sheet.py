@@ -46,8 +46,6 @@ MOST_BENDS = 60
 """Splines across a sheet that photos show in parts, as far apart as one photo has them, or farther."""
 ALONG = 25
 """Places along a photo at which its own surface tells the bend."""
-LIKE_RULINGS_RAD = np.deg2rad(25.0)
-"""Angle between the rulings of two photos up to which their bends are those of one sheet."""
 SMOOTH = (0.02, 0.3)
 """Weights of first and second differences of neighbouring bends, where no photo tells them."""
 LESS_STRAIGHT = 1.2
@@ -193,7 +191,7 @@ def _start_at(base: int, parts: _Parts) -> tuple[SharedSheet, float] | None:
 def _bends_of(k: int, base: int, parts: _Parts) -> tuple[Vector, Vector] | None:
     """Places across the sheet of photo `base`, and its bends there as photo `k` tells them.
 
-    None if photo `k` shows no bend, or one about other rulings.
+    None if photo `k` shows no bend.
     """
     page = parts.pages[k]
     shape = _smooth(page)
@@ -204,17 +202,13 @@ def _bends_of(k: int, base: int, parts: _Parts) -> tuple[Vector, Vector] | None:
     low, high = np.nanpercentile(at[:, 0], [1, 99])
     s, t = np.linspace(low, high, ALONG), float(np.nanmedian(at[:, 1]))
     bend = np.interp(s, own.basis.nodes, own.basis.values @ own.bends)
-    step = 0.1 * (high - low)
-    lines = []
-    for place in (t, t + step):
-        seen = own.to_photo(own.from_sheet(np.column_stack([s, np.full(ALONG, place)])))
-        lines.append(sheet.to_sheet(parts.to_page(k, base, page.view.to_photo(seen))))
-    way, rate = lines[1] - lines[0], np.abs(np.gradient(lines[0][:, 0], s))
-    lean = np.arctan2(way[:, 0], np.abs(way[:, 1]))
-    known = np.isfinite(rate) & np.isfinite(lean) & (rate > 0)
-    if not known.any() or abs(np.median(lean[known])) > LIKE_RULINGS_RAD:
+    seen = own.to_photo(own.from_sheet(np.column_stack([s, np.full(ALONG, t)])))
+    across = sheet.to_sheet(parts.to_page(k, base, page.view.to_photo(seen)))[:, 0]
+    rate = np.abs(np.gradient(across, s))
+    known = np.isfinite(rate) & (rate > 0)
+    if not known.any():
         return None
-    return lines[0][known, 0], bend[known] / rate[known]
+    return across[known], bend[known] / rate[known]
 
 
 def _join_bends(basis: BendBasis, told: Sequence[tuple[Vector, Vector]]) -> Vector:

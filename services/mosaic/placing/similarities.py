@@ -22,8 +22,7 @@ EXACT_PX = 0.2
 saved as JPEG of quality 90; 1.3 and more on four of six pairs of a newspaper seen
 nearly from the front."""
 NEAR_PX = 0.7
-"""Distance within which `NEAR_SHARE` of a pair's matches must be: 95 % were within 0.27 on these pairs of crops."""
-NEAR_SHARE = 0.9
+"""Distance of matches that a fit keeps in any case: 95 % were within 0.27 on these pairs of crops."""
 FEWEST = 12
 """Matches of a pair."""
 ALIKE = 0.0025
@@ -69,7 +68,7 @@ def fit_similarities(
         scales, shifts = _solve(len(order), root, matches, kept)
         left = [_apart(each, scales, shifts) for each in matches]
         kept = [off <= max(3 * float(np.median(off)), NEAR_PX) for off in left]
-    if any(float(np.median(off)) > EXACT_PX or float(np.mean(off <= NEAR_PX)) < NEAR_SHARE for off in left):
+    if any(float(np.median(off)) > EXACT_PX for off in left):
         return None
     sure = [
         (each.a, each.b)

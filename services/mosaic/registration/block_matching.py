@@ -57,15 +57,8 @@ DISTINCT = 0.04
 NEIGHBOURS = 8
 SUPPORTERS = 3
 """Number of nearest neighbours, and how many of them must agree (or half, if there are fewer)."""
-
-
-@dataclass(frozen=True, slots=True)
-class BlockParameters:
-    """Pixels are those of the reduced views, in which text is `text_height_px` high."""
-
-    agreement_px: float = 1.5
-    agreement_slope: float = 0.05
-    """Largest difference of neighbours' displacements: a constant plus this share of their distance."""
+AGREEMENT_PX, AGREEMENT_SLOPE = 1.5, 0.05
+"""Largest difference of neighbours' displacements: a constant plus this share of their distance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,11 +97,9 @@ def match_blocks(
     b: ReducedView,
     H_a_b: Homography,
     search_px: int,
-    most_blocks: int | None = None,
-    parameters: BlockParameters | None = None,
+    most_blocks: int = MOST_BLOCKS,
 ) -> BlockMatches:
     """Blocks of text in the overlap, searched within `search_px` of their places by `H_a_b` (reduced pixels)."""
-    p = parameters or BlockParameters()
     corners = transform_points(H_a_b, b.corners)
     low = np.floor(np.maximum(corners.min(axis=0), a.corners.min(axis=0))).astype(int)
     high = np.ceil(np.minimum(corners.max(axis=0), a.corners.max(axis=0))).astype(int) + 1
@@ -132,13 +123,11 @@ def match_blocks(
     both = seen[inner].astype(bool) & a.shown[low[1] : high[1], low[0] : high[0]]
     side: float = BLOCK_PX
     for _ in range(3):
-        block = _block_size(both, side, p)
+        block = _block_size(both, side)
         if block is None:
             return NO_BLOCKS
         w, h = block
-        corners_ij, telling = _choose_blocks(
-            own, np.asarray(other[inner]), both, block, most_blocks or MOST_BLOCKS, p
-        )
+        corners_ij, telling = _choose_blocks(own, np.asarray(other[inner]), both, block, most_blocks)
         if len(corners_ij) >= FEW_BLOCKS:
             break
         side *= SHRINKING
@@ -147,11 +136,11 @@ def match_blocks(
         template = own[y : y + h, x : x + w]
         region = np.asarray(other[y : y + h + 2 * search_px, x : x + w + 2 * search_px])
         scores = np.asarray(cv2.matchTemplate(region, template, cv2.TM_CCOEFF_NORMED), np.float32)
-        displacements[n], correlations[n] = _peak(scores, p)
+        displacements[n], correlations[n] = _peak(scores)
     points = corners_ij + low + ink_centres(own, corners_ij, w, h)
     candidates = correlations >= CORRELATION
     found = candidates.copy()
-    found[candidates] = support_blocks(points[candidates], displacements[candidates], p)
+    found[candidates] = support_blocks(points[candidates], displacements[candidates])
     return BlockMatches(points, displacements, correlations, found, telling)
 
 
@@ -179,7 +168,7 @@ def centroids(weights: NDArray[np.float32]) -> Points:
     return np.stack([across @ np.arange(width) / total, down @ np.arange(height) / total], axis=1)
 
 
-def _block_size(both: Mask, side: float, p: BlockParameters) -> tuple[int, int] | None:
+def _block_size(both: Mask, side: float) -> tuple[int, int] | None:
     """Width and height of the blocks of an overlap, adapted to its width."""
     breadth = _breadth(both, 2 * side / BREADTH_SHARE)
     if breadth < LEAST_SIDE_PX:
@@ -200,7 +189,7 @@ def _breadth(both: Mask, enough: float) -> float:
 
 
 def _choose_blocks(
-    own: GrayImage, other: GrayImage, both: Mask, block: tuple[int, int], most: int, p: BlockParameters
+    own: GrayImage, other: GrayImage, both: Mask, block: tuple[int, int], most: int
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Top left corners (N, 2) of blocks that both views show, with print in at least one, and the telling ones (N,).
 
@@ -255,7 +244,7 @@ def _least_eigenvalues(image: GrayImage, corners: NDArray[np.intp], width: int, 
     return np.asarray((xx + yy) / 2 - np.hypot((xx - yy) / 2, xy))
 
 
-def _peak(scores: NDArray[np.float32], p: BlockParameters) -> tuple[Vector, float]:
+def _peak(scores: NDArray[np.float32]) -> tuple[Vector, float]:
     """Subpixel displacement (2,) of the best place from the centre, and its score (0 if ambiguous)."""
     _, best, _, (x, y) = cv2.minMaxLoc(scores)
     rows, columns = scores.shape
@@ -277,15 +266,18 @@ def _vertex(before: float, peak: float, after: float) -> float:
 
 
 def support_blocks(
-    points: Points, displacements: Points, parameters: BlockParameters | None = None
+    points: Points,
+    displacements: Points,
+    agreement_px: float = AGREEMENT_PX,
+    agreement_slope: float = AGREEMENT_SLOPE,
 ) -> NDArray[np.bool_]:
     """Which blocks (N,), displaced by (N, 2), agree with enough of their nearest neighbours."""
-    p, n = parameters or BlockParameters(), len(points)
+    n = len(points)
     if n < 3:
         return np.zeros(n, bool)
     count = min(NEIGHBOURS, n - 1)
     distances, indices = cKDTree(points).query(points, count + 1)
     distances, indices = distances[:, 1:], indices[:, 1:]
     apart = np.linalg.norm(displacements[indices] - displacements[:, None], axis=2)
-    agree = apart <= p.agreement_px + p.agreement_slope * distances
+    agree = apart <= agreement_px + agreement_slope * distances
     return np.asarray(agree.sum(axis=1) >= min(SUPPORTERS, max(2, -(-count // 2))))

@@ -27,6 +27,9 @@ class FitParameters:
     """Largest factor, or its inverse, by which any direction is stretched relative to the initial scale."""
 
 
+USUAL = FitParameters()
+
+
 def fit_homography(
     points_a: Points,
     points_b: Points,
@@ -34,7 +37,7 @@ def fit_homography(
     H_initial: Homography,
     first_loss_px: float,
     last_loss_px: float,
-    parameters: FitParameters | None = None,
+    parameters: FitParameters = USUAL,
 ) -> tuple[Homography, Vector]:
     """The homography a <- b close to `H_initial` with which most of the weighted matches (N, 2) agree.
 
@@ -58,7 +61,6 @@ def fit_homography(
     -------
     The homography, and the final weights (N,), 0-1 times the given ones.
     """
-    p = parameters or FitParameters()
     H_similar = nearest_similarity(H_initial, np.average(points_b, axis=0, weights=weights))
     similar = transform_points(H_similar, points_b)
     middle = np.average(similar, axis=0, weights=weights)
@@ -69,7 +71,7 @@ def fit_homography(
     one, zero = np.ones_like(x), np.zeros_like(x)
     rows_x = np.stack([x, y, one, zero, zero, zero, -target[:, 0] * x, -target[:, 0] * y], axis=1)
     rows_y = np.stack([zero, zero, zero, x, y, one, -target[:, 1] * x, -target[:, 1] * y], axis=1)
-    prior = _prior(p) * (last_loss_px / span) ** 2
+    prior = _prior(parameters) * (last_loss_px / span) ** 2
     residual = (points_a - transform_points(H_initial, points_b)) / span
     E, current = np.zeros(8), weights
     narrowing = STEPS // 2
@@ -111,18 +113,16 @@ def _prior(p: FitParameters) -> Floats:
     return np.asarray(linear + free + projective + 1e-9 * np.eye(8))
 
 
-def is_sane(
-    H_a_b: Homography, corners_b: Points, scale: float, parameters: FitParameters | None = None
-) -> bool:
+def is_sane(H_a_b: Homography, corners_b: Points, scale: float, parameters: FitParameters = USUAL) -> bool:
     """Whether `H_a_b` has no reflection, and keeps scale and angles of the view with `corners_b` within limits."""
-    p = parameters or FitParameters()
     w = corners_b @ H_a_b[2, :2] + H_a_b[2, 2]
     if not np.all(np.isfinite(H_a_b)) or not np.all(w * w[0] > 0):
         return False
     J = jacobians(H_a_b, corners_b)
     stretches = np.linalg.svd(J, compute_uv=False) / scale
     return bool(
-        np.all(np.linalg.det(J) > 0) and np.all(np.abs(np.log(stretches)) < np.log(p.largest_stretch))
+        np.all(np.linalg.det(J) > 0)
+        and np.all(np.abs(np.log(stretches)) < np.log(parameters.largest_stretch))
     )
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,13 +14,12 @@ from services.mosaic.registration.block_matching import (
     MOST_BLOCKS,
     TEXT_HEIGHT_PX,
     BlockMatches,
-    BlockParameters,
     match_blocks,
     support_blocks,
 )
 from services.mosaic.registration.block_refinement import FINE_TEXT_HEIGHT_PX, refine_matches
 from services.mosaic.registration.features import Features, detect_features, turn_features
-from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
+from services.mosaic.registration.homography_fit import USUAL, FitParameters, fit_homography, is_sane
 from services.mosaic.registration.reduced_view import ReducedView
 
 LEVELS_PER_OCTAVE = 4
@@ -44,16 +43,8 @@ FINE_LOSS = 0.04
 FINE_AGREEMENT = 0.06
 FINE_SLOPE = 0.02
 """Largest difference of refined neighbours: a constant plus this share of their distance."""
-
-
-@dataclass(frozen=True, slots=True)
-class VerificationParameters:
-    """Lengths are relative to the text height."""
-
-    found: int = 8
-    """Least number of found blocks; neighbouring blocks overlap by half."""
-    fit: FitParameters = field(default_factory=FitParameters)
-    """How far two views may differ from a similarity."""
+LEAST_FOUND = 8
+"""Least number of found blocks; neighbouring blocks overlap by half."""
 
 
 class PreparedPhoto:
@@ -122,29 +113,30 @@ def verify_overlap(
     b: PreparedPhoto,
     H_a_b: Homography,
     turns: int,
-    search: float | None = None,
-    parameters: VerificationParameters | None = None,
-    blocks: BlockParameters | None = None,
+    search: float = SEARCH,
+    *,
+    least_found: int = LEAST_FOUND,
+    fit: FitParameters = USUAL,
 ) -> Overlap | None:
     """The verified overlap close to `H_a_b`, in which b is rotated by `turns` quarters; None if there is none.
 
-    `search` is the possible error of `H_a_b` in text heights.
+    `search` is the possible error of `H_a_b` in text heights, `least_found` the number of blocks to be found, and `fit`
+    how far two views may differ from a similarity.
     """
-    p, q = parameters or VerificationParameters(), blocks or BlockParameters()
-    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
+    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns)
     loss = COARSE_LOSS * TEXT_HEIGHT_PX
-    radius = (search or SEARCH) * TEXT_HEIGHT_PX
+    radius = search * TEXT_HEIGHT_PX
     most, least = FIRST_BLOCKS, 3
     for _ in range(ROUNDS):
         H_blocks = H
-        found = match_blocks(view_a, view_b, H, math.ceil(radius), most, q)
+        found = match_blocks(view_a, view_b, H, math.ceil(radius), most)
         if found.evidence < least or found.agreement < FIRST_SHARE:
             return None
         points = found.points_a[found.found]
         moved = points + found.displacements[found.found]
         points_b = transform_points(np.linalg.inv(H), moved)
-        H, _ = fit_homography(points, points_b, found.correlations[found.found], H, radius, loss, p.fit)
-        if not is_sane(H, view_b.corners, _scale_of(H, view_b.corners), p.fit):
+        H, _ = fit_homography(points, points_b, found.correlations[found.found], H, radius, loss, fit)
+        if not is_sane(H, view_b.corners, _scale_of(H, view_b.corners), fit):
             return None
         fitted = transform_points(H, points_b)
         left = np.linalg.norm(fitted - points, axis=1)
@@ -152,7 +144,7 @@ def verify_overlap(
         radius = min(radius, max(LEAST_SEARCH * TEXT_HEIGHT_PX, 3 * float(np.percentile(left, 90))))
         if most == MOST_BLOCKS and float(np.percentile(change, 90)) < FINE_LOSS * TEXT_HEIGHT_PX:
             break
-        most, least = MOST_BLOCKS, p.found
+        most, least = MOST_BLOCKS, least_found
     if found.agreement < AGREEMENT:
         return None
     H_flat = np.linalg.inv(view_a.H_reduced_flat) @ H @ view_b.H_reduced_flat
@@ -164,14 +156,13 @@ def shows_otherwise(a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns
 
     `search` is the possible error of `H_a_b` in text heights.
     """
-    p, q = VerificationParameters(), BlockParameters()
-    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns, q)
-    blocks = match_blocks(view_a, view_b, H, math.ceil(search * TEXT_HEIGHT_PX), FIRST_BLOCKS, q)
-    return int(np.count_nonzero(blocks.telling)) >= p.found and blocks.agreement < FIRST_SHARE
+    view_a, view_b, H = _at_block_scale(a, b, H_a_b, turns)
+    blocks = match_blocks(view_a, view_b, H, math.ceil(search * TEXT_HEIGHT_PX), FIRST_BLOCKS)
+    return int(np.count_nonzero(blocks.telling)) >= LEAST_FOUND and blocks.agreement < FIRST_SHARE
 
 
 def _at_block_scale(
-    a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int, blocks: BlockParameters
+    a: PreparedPhoto, b: PreparedPhoto, H_a_b: Homography, turns: int
 ) -> tuple[ReducedView, ReducedView, Homography]:
     """Both views at the resolution of block matching, and `H_a_b` between their pixels."""
     scale = local_scale(H_a_b, b.photo)
@@ -182,13 +173,12 @@ def _at_block_scale(
 
 
 def refine_overlap(
-    a: PreparedPhoto, b: PreparedPhoto, overlap: Overlap, parameters: VerificationParameters | None = None
+    a: PreparedPhoto, b: PreparedPhoto, overlap: Overlap, fit: FitParameters = USUAL
 ) -> tuple[Homography, Points, Points, Vector] | None:
     """`H_a_b`, points of a and b (N, 2) in flat pixels, and weights (N,), from the found blocks; None if they are few.
 
     The coarser view is the reference, because only the finer one can be reduced to the resolution of the other.
     """
-    p = parameters or VerificationParameters()
     scale = local_scale(overlap.H_a_b, b.photo)
     text = math.sqrt(a.photo.text_height_px * b.photo.text_height_px * scale)
     factor = min(FINE_TEXT_HEIGHT_PX / max(text, 1e-6), 1.0, 1 / scale)
@@ -206,11 +196,7 @@ def refine_overlap(
     if len(near) < 4:
         return None
     displacements = transform_points(H_reference_other, far) - near
-    kept = support_blocks(
-        near,
-        displacements,
-        BlockParameters(agreement_px=FINE_AGREEMENT * FINE_TEXT_HEIGHT_PX, agreement_slope=FINE_SLOPE),
-    )
+    kept = support_blocks(near, displacements, FINE_AGREEMENT * FINE_TEXT_HEIGHT_PX, FINE_SLOPE)
     if np.count_nonzero(kept) < 4:
         return None
     near, far, correlations = near[kept], far[kept], correlations[kept]
@@ -222,10 +208,10 @@ def refine_overlap(
     loss = FINE_LOSS * a.photo.text_height_px
     left = np.linalg.norm(transform_points(overlap.H_a_b, points_b) - points_a, axis=1)
     loss = max(loss, float(np.median(left)))
-    H_a_b, _ = fit_homography(points_a, points_b, weights, overlap.H_a_b, 4 * loss, loss, p.fit)
+    H_a_b, _ = fit_homography(points_a, points_b, weights, overlap.H_a_b, 4 * loss, loss, fit)
     left = np.linalg.norm(transform_points(H_a_b, points_b) - points_a, axis=1)
     loss = max(FINE_LOSS * a.photo.text_height_px, 2 * float(np.median(left)))
-    H_a_b, _ = fit_homography(points_a, points_b, weights, H_a_b, loss, loss, p.fit)
+    H_a_b, _ = fit_homography(points_a, points_b, weights, H_a_b, loss, loss, fit)
     return H_a_b, points_a, points_b, weights
 
 

@@ -12,7 +12,7 @@ from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.photo_graph import connect_photos, overlap_fraction
 from services.mosaic.registration.displacement_vote import CompatibleGroup, vote_displacements
 from services.mosaic.registration.features import FeatureMatches, Features, match_features
-from services.mosaic.registration.homography_fit import FitParameters, fit_homography, is_sane
+from services.mosaic.registration.homography_fit import USUAL, FitParameters, fit_homography, is_sane
 from services.mosaic.registration.pair_consistency import (
     Pairs,
     drop_contradictions,
@@ -25,7 +25,6 @@ from services.mosaic.registration.pair_verification import (
     SEARCH,
     Overlap,
     PreparedPhoto,
-    VerificationParameters,
     refine_overlap,
     shows_otherwise,
     verify_overlap,
@@ -244,12 +243,12 @@ def _register(candidate: PairCandidate) -> PairRegistration | None:
             overlap = verify_overlap(a, b, H_a_turned @ H_turned_b, turns)
             if overlap is not None:
                 overlaps.append((group, overlap))
-    verification = VerificationParameters()
+    fit = USUAL
     if not overlaps and votes[0] >= max(SKEWED_VOTES, SKEWED_LEAD * sum(votes[1:2])):
-        verification = VerificationParameters(fit=SKEWED)
+        fit = SKEWED
         group = max(groups, key=lambda group: group.votes)
         H_a_turned = _fit_skewed(group, matches, loss)
-        skewed = verify_overlap(a, b, H_a_turned @ H_turned_b, turns, None, verification)
+        skewed = verify_overlap(a, b, H_a_turned @ H_turned_b, turns, fit=fit)
         overlaps = [(group, skewed)] if skewed else []
     if not overlaps:
         return None
@@ -257,7 +256,7 @@ def _register(candidate: PairCandidate) -> PairRegistration | None:
     if any(_elsewhere(best, other, b) for _, other in overlaps if other is not best):
         return None
     rival = max((each.votes for each in groups if each is not group), default=0)
-    return _refined(a, b, best, (len(matches.points_a), group.votes, rival), verification)
+    return _refined(a, b, best, (len(matches.points_a), group.votes, rival), fit)
 
 
 def _fit_group(
@@ -298,10 +297,10 @@ def _refined(
     b: PreparedPhoto,
     overlap: Overlap,
     vote: tuple[int, int, int],
-    verification: VerificationParameters | None = None,
+    fit: FitParameters = USUAL,
 ) -> PairRegistration | None:
     """The registration of all found blocks; `vote` has its `matches`, `votes` and `runner_up_votes`."""
-    refined = refine_overlap(a, b, overlap, verification)
+    refined = refine_overlap(a, b, overlap, fit)
     if refined is None:
         return None
     H, points_a, points_b, weights = refined
@@ -325,7 +324,7 @@ def _guided(
         if overlap_fraction(a.photo, b.photo, H) < LEAST_OVERLAP:
             continue
         turns = _quarter_turns(H, b.photo)
-        overlap = verify_overlap(a, b, H, turns, SEARCH * between, VerificationParameters(found=GUIDED_FOUND))
+        overlap = verify_overlap(a, b, H, turns, SEARCH * between, least_found=GUIDED_FOUND)
         if overlap is not None:
             refined = _refined(a, b, overlap, (0, 0, 0))
             if refined is not None:

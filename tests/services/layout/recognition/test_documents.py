@@ -11,13 +11,13 @@ from services.layout.model.layout_model import LayoutModel
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, content_features, initialize_model, recognize
 from services.layout.recognition.documents import (
-    DocumentParameters,
     DocumentRecognition,
     class_of,
     place_again,
     place_page,
     recognize_document,
 )
+from services.layout.recognition.page_recognition import RecognitionParameters
 from simulation.labelled_pages import DocumentKind, document_pages
 from tests.services.layout.samples import labelled_page, model_of, page_from
 
@@ -171,7 +171,7 @@ def test_the_order_of_models_changes_nothing() -> None:
 
 def test_every_page_is_told_of() -> None:
     told: list[int] = []
-    recognize_document(pages_of("memo", 7, 3), firsts(), NAMES, DocumentParameters(), told.append)
+    recognize_document(pages_of("memo", 7, 3), firsts(), NAMES, RecognitionParameters(), told.append)
     assert told == [0, 1, 2]
 
 

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from services.layout.model.layout_model import PieceStatistics
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, content_features, initialize_model
-from services.layout.recognition.documents import DocumentParameters, recognize_document
+from services.layout.recognition.documents import recognize_document
+from services.layout.recognition.page_recognition import RecognitionParameters
 from services.layout.recognition.stack import Likelihoods, StackParts, most_probable_parts, part_stack
 from simulation.labelled_pages import DocumentKind, document_pages
 from tests.services.layout.samples import page_from
@@ -81,7 +82,7 @@ def models() -> list[VersionedModel]:
 
 
 def part(pages: Sequence[Page], models: Sequence[VersionedModel]) -> StackParts:
-    return part_stack(pages, models, content_features().names, DocumentParameters())
+    return part_stack(pages, models, content_features().names, RecognitionParameters())
 
 
 STACK: tuple[tuple[DocumentKind, int], ...] = (

@@ -18,7 +18,7 @@ from services.mosaic.composition.patch_drawing import (
     map_patch,
     prepare_patch,
 )
-from services.mosaic.light.canvas import RIM_PX
+from services.mosaic.flat_photo import RIM_PX
 from services.mosaic.light.tones import ToneMap
 from services.mosaic.placing.placement import DisplacementField, Placement
 from services.sheet.plane.framing import FlatFrame

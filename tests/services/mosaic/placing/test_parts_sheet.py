@@ -14,7 +14,6 @@ from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.mosaic import flattening
 from services.mosaic.flat_photo import FlatPhoto, SeenPage
-from services.mosaic.flattening import FlatteningParameters
 from services.mosaic.placing.joint_sheet import JointSheet
 from services.mosaic.placing.parts_sheet import find_sheet_of_parts
 from services.mosaic.placing.placed_part import place_photos
@@ -129,8 +128,7 @@ def test_photos_are_laid_on_the_sheet_whatever_the_size_of_their_views(
 ) -> None:
     true = shared_sheet()
     photos, pair = pair_of((true, true), (true, shared_sheet(BENDS + CHANGE)))
-    small = replace(FlatteningParameters(), view_pixels=1e5)
-    monkeypatch.setattr(flattening, "FlatteningParameters", lambda: small)
+    monkeypatch.setattr(flattening, "VIEW_PIXELS", 1e5)
     part = place_photos(photos, (pair,), None)
     assert part.joint is not None
     assert max(photo.frame.width * photo.frame.height for photo in part.photos.values()) < 1.1e5
