@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.layout.simulated_cost_tables import EASY, HARD, HOPELESS, TYPICAL, Hardness, simulated_tables
-from benchmarks.layout.two_steps import match_in_two_steps
-from services.layout.matching import MatchingParameters, match_directly
+from services.layout.matching import MatchingParameters, match_directly, match_in_two_steps
 from services.layout.matching.cost_tables import CostTables, Matching
 
 WANTED_MS = {(15, 10): 2.0, (60, 15): 50.0}
@@ -48,18 +47,27 @@ def measure_pages(
     zones: int, labels: int, density: float, level: Hardness, pages: int, *, two_steps: bool
 ) -> list[MatchingFigures]:
     """Figures of `pages` simulated pages, seeds 0, 1, ..."""
-    figures, parameters = [], MatchingParameters()
+    # the simulated zones have no boxes that agree with their relations
+    figures, parameters = [], MatchingParameters(manhattan=False)
     for seed in range(pages):
         rng = np.random.default_rng(seed)
         tables, truth = simulated_tables(zones, labels, level, rng, density)
+        boxes = _grid(zones)
 
-        def match(tables: CostTables = tables) -> Matching:
+        def match(tables: CostTables = tables, boxes: np.ndarray = boxes) -> Matching:
             if two_steps:
-                return match_in_two_steps(tables, parameters).matching
+                return match_in_two_steps(tables, boxes, parameters).matching
             return match_directly(tables, parameters)
 
         figures.append(measure(match, truth))
     return figures
+
+
+def _grid(zones: int) -> np.ndarray:
+    """Boxes (N, 4) in rows of three that do not overlap."""
+    row, column = np.divmod(np.arange(zones), 3)
+    corner = np.stack([100.0 * column, 30.0 * row], 1)
+    return np.hstack([corner, corner + np.array([90.0, 20.0])])
 
 
 def format_row(name: str, figures: Sequence[MatchingFigures]) -> str:

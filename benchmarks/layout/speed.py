@@ -1,7 +1,7 @@
 """What recognition costs: a page image end to end, initialization, one matching; and its two ways beside each other."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 
 import cv2
@@ -11,19 +11,13 @@ from benchmarks.common.baseline import Figures
 from benchmarks.common.plots import load_picture
 from benchmarks.common.stopwatch import measured
 from benchmarks.layout.part import Part, Result, Results, share, table
-from benchmarks.layout.protocols import error_percent, folds, page_labels, recognized, unlabelled
+from benchmarks.layout.protocols import error_percent, folds, page_labels, recognized
 from benchmarks.layout.specimens import ZONES, Specimen, by_class, of_sources
 from benchmarks.layout.truth import TITLES_REAL
-from benchmarks.layout.two_steps import match_in_two_steps
 from services.arrays import RgbImage
-from services.layout.content.content_features import content_features
-from services.layout.graph.layout_graph import build_graph
-from services.layout.matching import MatchingParameters, match_directly
-from services.layout.matching.cost_tables import CostTables, Matching
-from services.layout.model.compiled_model import compile_model
-from services.layout.model.cost import build_cost_tables
 from services.layout.page import Page
 from services.layout.pipeline import VersionedModel, initialize_model, read_page, recognize
+from services.layout.recognition.page_recognition import RecognitionParameters
 from services.ocr.engine import OcrEngine
 from services.ocr.tesseract import open_engine
 
@@ -162,11 +156,10 @@ def _measure_steps(job: str, specimens: Sequence[Specimen]) -> Result:
 
 
 def _both_ways(pages: Sequence[Page]) -> Result:
-    ways: dict[str, Callable[[CostTables], Matching]] = {
-        "direct": lambda tables: match_directly(tables, MatchingParameters()),
-        "two-steps": lambda tables: match_in_two_steps(tables, MatchingParameters()).matching,
+    ways = {
+        "direct": RecognitionParameters(method="direct"),
+        "two-steps": RecognitionParameters(method="two-steps"),
     }
-    features = content_features()
     result: Result = {
         name: {"error_percent": [], "ms": [], "optimal": [], "gap": [], "cost": []} for name in ways
     }
@@ -175,18 +168,17 @@ def _both_ways(pages: Sequence[Page]) -> Result:
     for learned, tested in folds(len(pages), FOLDS):
         model = initialize_model("class", [pages[at] for at in learned])
         for page in (pages[at] for at in tested if pages[at].zones):
-            graph = build_graph(features.measure_page(unlabelled(page)), features.names)
-            compiled = compile_model(model, graph.content_names)
-            for name, match in ways.items():
+            for name, parameters in ways.items():
                 start = time.process_time()
-                found = match(build_cost_tables(graph, compiled))
+                answer = recognized(page, {"class": model}, parameters)
                 row = result[name]
                 row["ms"].append(1000 * (time.process_time() - start))
-                row["optimal"].append(found.optimal)
-                row["gap"].append(found.gap)
-                row["cost"].append(found.cost)
+                if answer.match is not None:
+                    row["optimal"].append(answer.match.optimal)
+                    row["gap"].append(answer.match.gap)
+                    row["cost"].append(answer.match.cost)
                 errors[name][0].append(page_labels(page))
-                errors[name][1].append(tuple(compiled.labels[label] for label in found.labels))
+                errors[name][1].append(tuple(zone.label for zone in answer.zones))
     costs = {name: np.array(row.pop("cost")) for name, row in result.items()}
     same = [a == b for a, b in zip(errors["direct"][1], errors["two-steps"][1], strict=True)]
     for name, row in result.items():

@@ -10,12 +10,14 @@ class MatchingParameters:
     `max_nodes`: zones that branch and bound opens (40 us each); 300 prove nearly all pages of 15 zones. `max_sweeps`:
     passes of the dual ascent over all pairs; after 12 the bound hardly rises. `max_ms`: processor time of the thread
     (a loaded machine gives the same answers), the last stop only, well above what the other two take on pages of 200
-    zones.
+    zones. `manhattan`: in two steps, grouped zones must not overlap zones of other groups (5.4); paragraphs and
+    headings that take turns are kept apart by it.
     """
 
     max_nodes: int = 300
     max_sweeps: int = 12
     max_ms: float = 250.0
+    manhattan: bool = False
 
 
 NO_PROOF = MatchingParameters(max_nodes=0, max_sweeps=0)

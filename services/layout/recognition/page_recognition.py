@@ -15,6 +15,7 @@ from services.layout.matching import (
     backbone_of,
     conditional_costs,
     match_directly,
+    match_in_two_steps,
 )
 from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.model.compiled_model import CompiledModel, comparable_scales, compile_model
@@ -60,11 +61,12 @@ class VersionedModel:
 
 @dataclass(frozen=True, slots=True)
 class RecognitionParameters:
-    """`explain` adds the terms of the cost to the match.
+    """`method` chooses between the two ways of 5.4; `explain` adds the terms of the cost to the match.
 
     Of more than `most_candidates` models the hierarchy chooses that number of models for the search.
     """
 
+    method: Literal["direct", "two-steps"] = "direct"
     explain: bool = False
     most_candidates: int = MOST_CANDIDATES
     matching: MatchingParameters = field(default_factory=MatchingParameters)
@@ -127,7 +129,7 @@ def recognize_page(
         return Recognition(page, zones, None)
     started = time.perf_counter()
     graph = _graph_for(page, models, content_names)
-    matches = _match_all(graph, models, parameters)
+    matches = _match_all(graph, page, models, parameters)
     matched = time.perf_counter()
     probabilities, unknown = _classify(graph, matches)
     order = np.argsort(-probabilities, kind="stable")
@@ -177,12 +179,17 @@ def relabelled(
 
 
 def match_graph(
-    graph: LayoutGraph, model: CompiledModel, parameters: RecognitionParameters
+    graph: LayoutGraph, page: Page, model: CompiledModel, parameters: RecognitionParameters
 ) -> tuple[CostTables, Matching, dict[int, int]]:
     """Tables, best labelling and backbone (label -> zone, null left out) of one model."""
     tables = build_cost_tables(graph, model)
+    if parameters.method == "two-steps":
+        boxes = np.array([zone.box for zone in page.zones])
+        two_steps = match_in_two_steps(tables, boxes, parameters.matching)
+        return tables, two_steps.matching, dict(two_steps.backbone)
     matching = match_directly(tables, parameters.matching)
-    return tables, matching, backbone_of(tables, matching.labels)
+    backbone = backbone_of(tables, matching.labels)
+    return tables, matching, {label: zone for label, zone in backbone.items() if label}
 
 
 def comparable_cost(graph: LayoutGraph, model: CompiledModel, labels: NDArray[np.intp]) -> float:
@@ -200,17 +207,17 @@ def _graph_for(page: Page, models: Sequence[VersionedModel], content_names: tupl
 
 
 def _match_all(
-    graph: LayoutGraph, models: Sequence[VersionedModel], parameters: RecognitionParameters
+    graph: LayoutGraph, page: Page, models: Sequence[VersionedModel], parameters: RecognitionParameters
 ) -> list[_Match | _RankedOut]:
     """Matches of all models, those of the contenders thorough; the most probable class is among them."""
     quick = replace(parameters, matching=replace(parameters.matching, max_nodes=0, max_sweeps=0))
     if len(models) == 1:
-        return [_match(graph, models[0], parameters, thorough=True)]
+        return [_match(graph, page, models[0], parameters, thorough=True)]
     matches: list[_Match | _RankedOut]
     if len(models) > parameters.most_candidates:
-        matches = _match_candidates(graph, models, quick)
+        matches = _match_candidates(graph, page, models, quick)
     else:
-        matches = [_match(graph, model, quick, thorough=False) for model in models]
+        matches = [_match(graph, page, model, quick, thorough=False) for model in models]
     while True:
         probabilities, _ = _classify(graph, matches)
         contenders = probabilities >= CONTENDER * probabilities.max()
@@ -221,11 +228,11 @@ def _match_all(
         if not left:
             return matches
         for index in left:
-            matches[index] = _match(graph, models[index], parameters, thorough=True)
+            matches[index] = _match(graph, page, models[index], parameters, thorough=True)
 
 
 def _match_candidates(
-    graph: LayoutGraph, models: Sequence[VersionedModel], parameters: RecognitionParameters
+    graph: LayoutGraph, page: Page, models: Sequence[VersionedModel], parameters: RecognitionParameters
 ) -> list[_Match | _RankedOut]:
     """Matches of the candidates of the hierarchy; ranked costs of all others."""
     competitors = [
@@ -234,7 +241,7 @@ def _match_candidates(
     ranking = rank_models(graph, competitors, parameters.most_candidates)
     candidates = set(ranking.candidates)
     return [
-        _match(graph, model, parameters, thorough=False)
+        _match(graph, page, model, parameters, thorough=False)
         if index in candidates
         else _RankedOut(model, cost, comparable)
         for index, (model, cost, comparable) in enumerate(
@@ -254,10 +261,15 @@ def _classify(
 
 
 def _match(
-    graph: LayoutGraph, model: VersionedModel, parameters: RecognitionParameters, *, thorough: bool
+    graph: LayoutGraph,
+    page: Page,
+    model: VersionedModel,
+    parameters: RecognitionParameters,
+    *,
+    thorough: bool,
 ) -> _Match:
     compiled = compile_model(model.model, graph.content_names)
-    tables, matching, backbone = match_graph(graph, compiled, parameters)
+    tables, matching, backbone = match_graph(graph, page, compiled, parameters)
     cost = comparable_cost(graph, compiled, matching.labels)
     match = _Match(model, compiled, matching, backbone, cost)
     if not thorough:

@@ -69,12 +69,12 @@ def assert_sound(found: Recognition, page: Page) -> None:
 
 
 @settings(max_examples=50, deadline=None)
-@given(pages)
-def test_any_page_is_recognized(page: Page) -> None:
+@given(pages, st.sampled_from(["direct", "two-steps"]))
+def test_any_page_is_recognized(page: Page, method: Any) -> None:
     models = [VersionedModel(model_of(name, samples), 1) for name, samples in (("letter", 1), ("memo", 3))]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = recognize(page, models, RecognitionParameters(explain=True))
+        found = recognize(page, models, RecognitionParameters(method=method, explain=True))
     assert_sound(found, page)
 
 

@@ -30,6 +30,7 @@ pytestmark = pytest.mark.pipeline
 
 UNSEEN = range(FIRST_UNSEEN, FIRST_UNSEEN + 10)
 LOCAL_SEARCH_ONLY = RecognitionParameters(matching=MatchingParameters(max_nodes=0, max_sweeps=0))
+TWO_STEPS = RecognitionParameters(method="two-steps")
 MOST_WRONG = {
     # Shares of zones with a wrong label, from 1, 3 and 5 samples: 1.5 times what was measured, and a little.
     "letter": (0.25, 0.19, 0.16),
@@ -247,12 +248,11 @@ def test_without_zones_nothing_is_chosen() -> None:
     assert (found.chosen, found.match, found.zones) == (None, None, ())
 
 
-def test_a_zone_alone_is_labelled() -> None:
+@pytest.mark.parametrize("parameters", [RecognitionParameters(explain=True), TWO_STEPS])
+def test_a_zone_alone_is_labelled(parameters: RecognitionParameters) -> None:
     page = labelled_page("letter", 1000)
     (date,) = [zone for zone in page.zones if zone.label == "date"]
-    found = recognize(
-        Page(page.width, page.height, (date,)), models_of_all(3), RecognitionParameters(explain=True)
-    )
+    found = recognize(Page(page.width, page.height, (date,)), models_of_all(3), parameters)
     assert len(found.zones) == 1
     assert found.match is not None
     assert found.match.edge_cost == 0
@@ -275,12 +275,29 @@ def test_the_parts_of_the_cost_and_its_terms() -> None:
 
 def test_the_backbone_has_one_zone_of_each_label() -> None:
     page = labelled_page("two-column", 1000)
-    found = recognize(page, models_of_all(3))
-    assert found.match is not None
-    label_of = {zone.zone.id: zone.label for zone in found.zones}
-    assert all(label_of[zone] == label for label, zone in found.match.backbone.items())
-    assert set(found.match.backbone) == {label for label in label_of.values() if label is not None}
-    assert [zone.group for zone in found.zones] == [zone.label for zone in found.zones]
+    for parameters in (RecognitionParameters(), TWO_STEPS):
+        found = recognize(page, models_of_all(3), parameters)
+        assert found.match is not None
+        label_of = {zone.zone.id: zone.label for zone in found.zones}
+        assert all(label_of[zone] == label for label, zone in found.match.backbone.items())
+        assert set(found.match.backbone) == {label for label in label_of.values() if label is not None}
+        assert [zone.group for zone in found.zones] == [zone.label for zone in found.zones]
+
+
+def test_two_steps_find_no_lower_cost() -> None:
+    for name in ("letter", "fax"):
+        for seed in range(1000, 1004):
+            page, model = labelled_page(name, seed), [VersionedModel(model_of(name, 3), 1)]
+            direct, steps = recognize(page, model).match, recognize(page, model, TWO_STEPS).match
+            assert direct is not None
+            assert steps is not None
+            assert steps.cost >= direct.cost - 1e-9
+            assert steps.cost - steps.gap <= direct.cost + 1e-9
+
+
+def test_two_steps_label_most_zones() -> None:
+    found = [page for name in ("letter", "margin") for page in recognitions(name, 3, TWO_STEPS)]
+    assert len(wrong(found)) <= 0.2 * zones_of(found)
 
 
 def test_zones_without_label_are_learned_as_such() -> None:

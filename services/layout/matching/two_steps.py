@@ -1,12 +1,13 @@
-"""The dissertation's matching (5.4), beside ours: the best one-to-one mapping, then the other zones grouped with it."""
+"""The dissertation's matching (5.4): the best one-to-one mapping, then grouping of the other zones with it."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from services.layout.matching.cost_tables import CostTables, Matching
 from services.layout.matching.direct import match_directly
-from services.layout.matching.labelling import Labelling, Labels, Neighbours
+from services.layout.matching.labelling import Floats, Labelling, Labels, Neighbours
 from services.layout.matching.parameters import LEAST_GAIN, MatchingParameters
 
 _LEFT_OVER = 0.05
@@ -25,14 +26,18 @@ class TwoStepMatching:
     backbone: tuple[tuple[int, int], ...]
 
 
-def match_in_two_steps(tables: CostTables, parameters: MatchingParameters) -> TwoStepMatching:
-    """Match one to one, then group the zones left to matched model nodes as long as the cost falls."""
+def match_in_two_steps(tables: CostTables, boxes: Floats, parameters: MatchingParameters) -> TwoStepMatching:
+    """Match one to one, then group the zones left to matched model nodes as long as the cost falls.
+
+    `boxes` (N, 4), (x0, y0, x1, y1), are needed for `parameters.manhattan`: a zone may then join a group only if the
+    box around both overlaps no zone of another group, and the zone no such box.
+    """
     if tables.zones == 0 or tables.labels == 1:
         return TwoStepMatching(match_directly(tables, parameters), ())
     first = match_directly(_one_to_one(tables), parameters)
     labels = _without_doubles(tables, first.labels)
     backbone = tuple((int(labels[zone]), int(zone)) for zone in np.flatnonzero(labels))
-    labels = _group(tables, labels)
+    labels = _group(tables, np.asarray(boxes, float), labels, parameters.manhattan)
     cost = tables.cost(labels)
     bound = match_directly(tables, replace(parameters, max_nodes=0, max_sweeps=min(2, parameters.max_sweeps)))
     lower = min(bound.lower_bound, cost)
@@ -70,17 +75,48 @@ def _without_doubles(tables: CostTables, labels: Labels) -> Labels:
     return labels
 
 
-def _group(tables: CostTables, labels: Labels) -> Labels:
+def _group(tables: CostTables, boxes: Floats, labels: Labels, manhattan: bool) -> Labels:
     """The zones of null join the groups of the labels in use, the greatest gain first."""
     state = Labelling(tables, Neighbours(tables), labels)
     least_gain = LEAST_GAIN * (1.0 + abs(tables.cost(labels)))
     used = np.unique(labels[labels > 0])
+    blocked = np.ones((tables.zones, tables.labels), bool)
+    for label in used:
+        blocked[:, label] = _blocked(boxes, state.labels, int(label)) if manhattan else False
     for _ in range(tables.zones):
-        changes = np.full((tables.zones, tables.labels), np.inf)
-        changes[:, used] = state.changes()[:, used]
+        changes = np.where(blocked, np.inf, state.changes())
         changes[state.labels > 0] = np.inf
         zone, label = divmod(int(changes.argmin()), tables.labels)
         if changes[zone, label] > -least_gain:
             break
         state.change(zone, label)
+        if manhattan:
+            # the group has grown: zones inside its box join no other, and others grow around the new zone in vain
+            blocked[:, label] |= _blocked(boxes, state.labels, label)
+            inside = _overlap(boxes, _grown(boxes, state.labels, label)[zone])
+            for other in used[used != label]:
+                blocked[:, other] |= inside | _overlap(_grown(boxes, state.labels, int(other)), boxes[zone])
     return state.labels
+
+
+def _grown(boxes: Floats, labels: Labels, label: int) -> Floats:
+    """(N, 4): the box around the zones of a label and each zone."""
+    group = boxes[labels == label]
+    return np.hstack(
+        [np.minimum(boxes[:, :2], group[:, :2].min(0)), np.maximum(boxes[:, 2:], group[:, 2:].max(0))]
+    )
+
+
+def _overlap(boxes: Floats, box: Floats) -> NDArray[np.bool_]:
+    """Whether boxes (..., 4) share an area with `box` (4,), or with those that it broadcasts to."""
+    lower = np.maximum(boxes[..., :2], box[..., :2])
+    upper = np.minimum(boxes[..., 2:], box[..., 2:])
+    shared: NDArray[np.bool_] = np.all(lower < upper, axis=-1)
+    return shared
+
+
+def _blocked(boxes: Floats, labels: Labels, label: int) -> NDArray[np.bool_]:
+    """(N,): whether a zone cannot join the group of a label, as its box would then overlap another group's zone."""
+    others = boxes[(labels > 0) & (labels != label)]
+    blocked: NDArray[np.bool_] = np.any(_overlap(_grown(boxes, labels, label)[:, None], others[None]), axis=1)
+    return blocked
