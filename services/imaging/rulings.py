@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.contract.boxes import Sides
+from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import halve
 
 _LEVEL_SHARE, _UPRIGHT_SHARE = 1 / 12, 1 / 24
@@ -42,12 +43,13 @@ def without_grids(page: GrayImage) -> GrayImage:
 def cells_of_grids(page: GrayImage) -> list[list[Sides]]:
     """The boxes between the rules of each grid on the page (H, W), dark on light, by their tops and left ends.
 
-    Large pages are halved: the sides of a cell lie in the paper around its words.
+    Large pages are halved: the sides of a cell lie in the paper around its words. In even light the edge of a shadow is
+    no rule.
     """
     small = page
     while max(small.shape) > _LARGE_PX:
         small = halve(small)
-    rules = _find_grids(small)
+    rules = _find_grids(flatten_illumination(small))
     if rules is None:
         return []
     joined = cv2.dilate(rules, np.ones((3, 3), np.uint8))

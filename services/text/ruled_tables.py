@@ -11,6 +11,10 @@ from services.text.page_text import ReadLine, TextBlock, is_right_to_left
 _SUB_ROWS = 3
 """Lines of two cells beside each other, all level with one another, from which on they may be rows without a rule
 between: texts in two cells have a line or two level by chance."""
+_REACH = 0.25
+"""Heights of a word that it reaches out of its cell, as a box that was measured roughly may."""
+_MOST_OUTSIDE = 0.05
+"""Of a table's words; a rule through prose has four of five lines' words on both of its sides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +36,8 @@ def read_tables(words: Sequence[Word], tables: Sequence[Sequence[Sides]]) -> Rul
     for cells in tables:
         held, rest = _in_cells(others, cells)
         rows = _rows(held)
-        if max(map(len, rows), default=0) > 1:  # a frame, or rules of a drawing, is no table
+        # A frame, or rules of a drawing, is no table; the edge of a shadow runs through words.
+        if max(map(len, rows), default=0) > 1 and _hold_their_words(held):
             blocks.append(TextBlock(tuple(line for row in rows for line in _read_row(row))))
             others = rest
     return RuledTables(tuple(blocks), tuple(others))
@@ -40,6 +45,15 @@ def read_tables(words: Sequence[Word], tables: Sequence[Sequence[Sides]]) -> Rul
 
 Cell = tuple[Sides, list[Word]]
 Lines = Sequence[ReadLine]
+
+
+def _hold_their_words(held: Sequence[Cell]) -> bool:
+    outside = [
+        max(cell[0] - word.box[0], word.box[2] - cell[2]) > _REACH * (word.box[3] - word.box[1])
+        for cell, words in held
+        for word in words
+    ]
+    return sum(outside) <= _MOST_OUTSIDE * len(outside)
 
 
 def _in_cells(words: Sequence[Word], cells: Sequence[Sides]) -> tuple[list[Cell], list[Word]]:

@@ -73,3 +73,11 @@ def test_a_frame_is_no_table() -> None:
     found = read_tables(words, [CELLS])
     assert found.blocks == ()
     assert found.others == tuple(words)
+
+
+def test_a_rule_through_words_is_no_rule_of_a_table() -> None:
+    prose = [word("through", 160, 10 + 40 * k) for k in range(2)] + [
+        word("beside", 20, 10),
+        word("after", 300, 10),
+    ]
+    assert read_tables(prose, [CELLS]).blocks == ()
