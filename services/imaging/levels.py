@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage, Mask, RgbImage
 from services.imaging.channels import luminance, strongest_channel
 from services.imaging.illumination import (
-    BackgroundParameters,
+    MEDIAN_FRACTION,
     enlarged,
     odd_size,
     reduced_copy,
@@ -86,9 +86,8 @@ def measure_levels(image: RgbImage) -> Levels | None:
     """
     small, _ = reduced_copy(image, WORKING_LONG_SIDE_PX)
     gray = luminance(small)
-    fine = BackgroundParameters(median_fraction=FINE_MEDIAN_FRACTION)
     # Within the wide median of the first background a picture varies, and paper does not.
-    background, fine_background = small_backgrounds(gray, None, (BackgroundParameters(), fine))
+    background, fine_background = small_backgrounds(gray, None, (MEDIAN_FRACTION, FINE_MEDIAN_FRACTION))
     ground = enlarged(background, *gray.shape)
     share = cv2.divide(gray, ground, scale=200.0)  # 200: as light as its paper
     height, width = gray.shape

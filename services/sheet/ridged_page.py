@@ -13,7 +13,7 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
-from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
+from services.sheet.framing import CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.line_residual import ResidualParameters, morph_to_lines
 from services.sheet.outline.results import LEAST_POINTS, SheetOutline
 from services.sheet.ridged.cylinder_start import cylinder_between_sides
@@ -128,8 +128,7 @@ class RidgedPage:
         """See `PageShape`."""
         if crop == "sheet":
             return frame_mesh(self.mesh, self.page_map, view, points)
-        framing = CURVED_TEXT_FRAMING if crop == "text" else None
-        return frame_curved_page(self.page_map, view, points, text_height_px, None, framing)
+        return frame_curved_page(self.page_map, view, points, text_height_px, None, only_text=crop == "text")
 
 
 def complete_corners(outline: SheetOutline) -> Points | None:
