@@ -82,7 +82,7 @@ def sheet_between_sides(
     if sheet is None or sheet.plane is None:
         return None
     plane = sheet.plane
-    if _runs_down(plane, sheet.view, direction):
+    if _runs_down(plane, direction):
         # Lines of text run along the sides that the photo shows as left and right.
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         plane = replace(plane, plane=replace(plane.plane, rotation=plane.plane.rotation @ turn))
@@ -90,7 +90,7 @@ def sheet_between_sides(
     return ShapedPage(sheet.view, flat, flat.notices, outline)
 
 
-def _runs_down(plane: OutlinePlane, view: PhotoFrame, direction_rad: float) -> bool:
+def _runs_down(plane: OutlinePlane, direction_rad: float) -> bool:
     """Whether a line of this direction, in the middle of the photo, is nearer to the plane's y axis than to x."""
     H = plane.plane.H_centred_plane
     middle = np.linalg.inv(H) @ np.array([0.0, 0.0, 1.0])

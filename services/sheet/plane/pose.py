@@ -168,7 +168,7 @@ def refine_with_sides(
         sides = along_axes(level, sheet.lines)
         refined, flat = refine_pose(e, focal, level, sides, rounds)
         agree = sides_agree(refined, sides)
-        cost = joint_cost(refined, e.major, e.minor, e.vanishing_points, sides, for_text(e.text.height_px))
+        cost = joint_cost(refined, e.major, e.minor, e.vanishing_points, sides)
         found.append((cost, refined, flat, agree))
         if agree and len(sides) > 2:
             break
