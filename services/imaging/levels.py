@@ -15,6 +15,7 @@ from services.imaging.illumination import (
     reduced_copy,
     small_backgrounds,
 )
+from services.imaging.reduction import PRINT_PX
 
 TINTS_OF_LIGHT = (1.25, 1.5)
 """Ratio of paper's strongest to its weakest channel: the largest that white balance may leave, and the least of
@@ -25,8 +26,6 @@ _NEIGHBOURS = tuple((rows, columns) for rows in range(3) for columns in range(3)
 # Localized histogram normalization (dissertation 4.4); levels are shares of white or of paper, 0-1.
 FINE_MEDIAN_FRACTION = 1 / 36
 """Median of the background that is divided out: it follows the corners of tinted boxes and shadows."""
-WORKING_LONG_SIDE_PX = 1200
-"""Levels are taken here, where the strokes of ten-point print on A4 are still two pixels wide."""
 TILES = 28
 """Tiles along the long side; a neighbourhood is three by three of them."""
 INK_CONTRAST = 0.2
@@ -82,9 +81,9 @@ def level_coefficients(paper: NDArray[np.float32], ink: NDArray[np.float32]) -> 
 def measure_levels(image: RgbImage) -> Levels | None:
     """Levels of paper and ink over `image` (H, W, 3) RGB uint8; None where nothing looks like print on paper.
 
-    They are measured on a copy of at most `working_long_side_px`, and given on the background's copy.
+    They are measured on a copy of at most `PRINT_PX`, and given on the background's copy.
     """
-    small, _ = reduced_copy(image, WORKING_LONG_SIDE_PX)
+    small, _ = reduced_copy(image, PRINT_PX)
     gray = luminance(small)
     # Within the wide median of the first background a picture varies, and paper does not.
     background, fine_background = small_backgrounds(gray, None, (MEDIAN_FRACTION, FINE_MEDIAN_FRACTION))

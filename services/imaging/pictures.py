@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.channels import BLACK_LEVELS, log_brightness
 from services.imaging.illumination import reduced_copy
-from services.imaging.levels import WORKING_LONG_SIDE_PX, Levels, fill_unknown_levels, measure_levels
+from services.imaging.levels import Levels, fill_unknown_levels, measure_levels
+from services.imaging.reduction import PRINT_PX
 
 # Lengths are shares of the page's long side; levels of ink are shares of the local paper level.
 WINDOW = 0.45
@@ -131,7 +132,7 @@ def levels_beside_pictures(image: RgbImage, levels: Levels, pictures: Mask) -> L
     if not pictures.any() or not beside.any():
         return levels
     around = fill_unknown_levels(levels.paper, beside.astype(np.float32), HOLES * max(pictures.shape))
-    copy = reduced_copy(image, WORKING_LONG_SIDE_PX)[0].copy()
+    copy = reduced_copy(image, PRINT_PX)[0].copy()
     size = (copy.shape[1], copy.shape[0])
     covered = cv2.resize(pictures.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     paper = cv2.resize(around, size, interpolation=cv2.INTER_LINEAR)

@@ -25,13 +25,11 @@ STACK_EDGES = 2
 STACK_STEP_PX = 6.0
 """Edges of a stack are apart by this."""
 GROUND_CONTRAST = 0.15
-"""A desk is brighter or darker by this on the share `ground_share` of the text's length."""
-GROUND_SHARE = 0.8
+"""A desk is brighter or darker by this."""
 OUTER_PERCENTILE = 25.0
 """Of an edge's columns along the text, counted from outside: where a sloping edge is cut."""
 CORNER_PX = 18.0
 """The upper and the lower edge meet the end of an upright one within this distance."""
-MIN_CHARACTERS = 30
 MIN_MARGIN_PX = 8
 BESIDE_PX = 20
 """Columns of the text that are used, with the margin, to measure the ground next to an edge."""
@@ -89,7 +87,7 @@ def find_sheet_edges(
     """
     height, width = view.shape[:2]
     text = text_points[np.isfinite(text_points).all(axis=1)]
-    if len(text) < MIN_CHARACTERS:
+    if not len(text):
         return SheetEdges()
     brightness = log_brightness(view)
     shown = np.ones((height, width), bool) if seen is None else seen
@@ -143,11 +141,7 @@ def _innermost_edge(margin: _Margin, limit: float) -> _Edge | None:
     for k in np.argsort(-places):
         beyond = margin.text[:, 0] < found[k].at(margin.text[:, 1])
         further = np.unique(np.floor((places[k] - places) / STACK_STEP_PX))
-        if (
-            not beyond.any()
-            or (further > 0).sum() >= STACK_EDGES
-            or found[k].ground_differs(GROUND_CONTRAST, GROUND_SHARE)
-        ):
+        if not beyond.any() or (further > 0).sum() >= STACK_EDGES or found[k].ground_differs(GROUND_CONTRAST):
             outer = [edge for edge, place in zip(found, places, strict=True) if place <= places[k]]
             return _Edge(float(places[k]), tuple(e.first for e in outer), tuple(e.last for e in outer))
     return None

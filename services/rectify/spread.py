@@ -8,7 +8,7 @@ import numpy as np
 from services.arrays import RgbImage, Vector
 from services.contract.rectify import Origin, RectifyParameters
 from services.errors import NoText
-from services.geometry.focal_prior import FocalPrior
+from services.geometry.focal_prior import FOCAL, FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.reduction import Halves
 from services.notices import Notice
@@ -29,8 +29,6 @@ ONE_PAGE = Notice("one-page", "both pages were asked for, and the photo shows th
 
 
 # How two pages share a camera. Deviations are of the focal length's logarithm.
-DETERMINED = 0.25
-"""A page that alone shows it more precisely determines that of the other page."""
 LEAST_DEVIATION = 0.05
 """Least deviation of a focal length that is taken over: a fit does not know the errors of its model."""
 AGREEMENT = 0.03
@@ -116,7 +114,7 @@ def shared_prior(page: ShapedPage, prior: FocalPrior) -> FocalPrior:
     The fitted value includes the prior already, so only their deviations are combined.
     """
     deviation = page.shape.log_focal_deviation
-    if prior.source in ("given", "exif") or deviation >= DETERMINED:
+    if prior.source in ("given", "exif") or deviation >= FOCAL.seen_deviation:
         return prior
     joint = 1 / float(np.hypot(1 / deviation, 1 / prior.deviation))
     return FocalPrior(_log_focal(page), max(joint, LEAST_DEVIATION), "estimated")

@@ -14,7 +14,6 @@ from services.arrays import Points, Vector
 from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
-from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.correction import (
     Demand,
@@ -28,8 +27,8 @@ from services.rectify.view.print_kept import SCALE_POINTS
 from services.sheet.developable.observations import FLOW_OVERLAP, STROKE_OVERLAP, LineObservations
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, LEAST_POINTS, SheetOutline, SheetSide
 from services.sheet.shape import PageShape
-from services.sheet.tracing.line_tracing import trace_by_characters
-from services.sheet.tracing.profile_tracing import trace_by_profiles
+from services.sheet.tracing.line_tracing import FEW_LINES, KEPT_SHARE, trace_by_characters
+from services.sheet.tracing.profile_tracing import DEVIATION, trace_by_profiles
 from services.texture_flow.field import FlowSamples
 
 FLOOR_PERCENT = 0.10
@@ -40,10 +39,8 @@ LINES_GAIN = 2.5
 """... and by what some points of text lines leave from level ones beyond the scatter of most: a smooth field takes the
 kinks of folded paper for strays. Of 243 views of simulated sheets any gain from 1 to 4 judges none otherwise; by this
 one the errors agree best."""
-USUAL_SHARE = 0.9
-"""Share of the points of lines whose scatter is that of print: the others may lie beyond a kink, ..."""
 MOST_OF_NORMAL = 0.79
-"""... and RMS of that share of a normal distribution, in its deviations."""
+"""RMS of `KEPT_SHARE` of a normal distribution, in its deviations: the other points may lie beyond a kink."""
 NOT_FLAT_PERCENT = 0.45
 """What a view may show of its error and still count as flat. Of 215 views of 57 simulated sheets, right and wrong on
 purpose, 92 % of those that are off by more than 1 % show more, and none of 112 within 0.3 %. What is missed are mostly
@@ -51,8 +48,6 @@ wrong proportions by a wrong focal length, which no view shows."""
 
 
 # Deviations of what a flat view shows. Lengths are in text heights, but those of sides in widths of the view.
-LINE = 0.05
-"""Of a point of a traced line: letters differ by design."""
 GAP = 1.7
 """Steps between the points of a line at which it ends: beyond a gutter the next line is another one, ..."""
 JUMP = 0.35
@@ -130,7 +125,7 @@ def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
         if lines.count:
             text = _text_lines(lines, page.view, frame)
             straightness = text.straightness()
-            lines_percent = 100 / frame.width * text.unevenness_px(LINE)
+            lines_percent = 100 / frame.width * text.unevenness_px(DEVIATION)
             demands += [_level(text, field), *_even_spacing(lines, text, field)]
             demands += _flush_margins(lines, page.view, frame, text.height_px, field)
         demands.append(_along_lines(evidence.major, page.view, frame, field))
@@ -169,7 +164,7 @@ class _TextLines:
     def straightness(self) -> float:
         """RMS distance of the points from level pieces, in text heights, the worst tenth left out."""
         rest = np.sort(np.abs(self._rest()))
-        return float(np.sqrt(np.mean(rest[: max(int(USUAL_SHARE * len(rest)), 1)] ** 2))) / self.height_px
+        return float(np.sqrt(np.mean(rest[: max(int(KEPT_SHARE * len(rest)), 1)] ** 2))) / self.height_px
 
     def unevenness_px(self, deviation: float) -> float:
         """RMS distance of all points from level pieces, beyond what the scatter of most explains.
@@ -217,7 +212,7 @@ def _level(text: _TextLines, field: SmoothField) -> Demand:
     level = y - without_means(y, piece)
     # At the line's height, not at the point's: the error of a point must not be in both sides of its equation.
     terms = without_means(field.values(np.column_stack([pixels[:, 0], level])), piece)
-    deviation = LINE * text.height_px / field.width / np.sqrt(thin)
+    deviation = DEVIATION * text.height_px / field.width / np.sqrt(thin)
     return demand((level - y)[:, 0] / field.width, deviation, y=terms)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from services.arrays import Floats, Mask, Points
 from services.sheet.outline.corners import meet
-from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.results import CORNER_BEYOND, SheetOutline, SheetSide
 
 # Lengths are shares of the side's length.
 MIN_POINTS = 20
@@ -23,8 +23,6 @@ LEAST_SHARE = 0.6
 KINK_RAD = float(np.deg2rad(15.0))
 """A fold turns the edge by 45 degrees, a bent sheet by less than this from one point to the fifth."""
 KINK_POINTS = 5
-BEYOND = 0.35
-"""A corner lies at most so far outside of what is seen."""
 
 
 def end_before_cut_corners(outline: SheetOutline) -> SheetOutline:
@@ -101,7 +99,7 @@ def _corner(before: SheetSide, after: SheetSide, polygon: Points) -> Floats:
         lines += [middle, np.linalg.svd(points - middle)[2][0]]
     place = meet(lines[0], lines[1], lines[2], lines[3])
     low, high = polygon.min(axis=0), polygon.max(axis=0)
-    reach = BEYOND * float((high - low).max())
+    reach = CORNER_BEYOND * float((high - low).max())
     if place is None or (place < low - reach).any() or (place > high + reach).any():
         return nowhere
     return np.asarray(place)

@@ -23,7 +23,7 @@ from services.sheet.outline.edges import (
 )
 from services.sheet.outline.paths import find_open_paths
 from services.sheet.outline.reduced_photo import medium_photo
-from services.sheet.outline.results import SIDE_POINTS, SheetOutline, SheetSide
+from services.sheet.outline.results import LEAST_SEEN, SIDE_POINTS, SheetOutline, SheetSide
 
 # Lengths are shares of a side's chord.
 NORMALS = 96
@@ -42,9 +42,7 @@ LEAST_STRENGTH = 0.25
 GAIN = 0.05
 """... and a bent side must exceed the straight one by this in its weakest part."""
 UNSEEN = 0.003
-"""Standard deviation of a side's place where no edge was seen and it is taken for straight, ..."""
-LEAST_SEEN = 0.35
-"""... as it is, for want of better, where a smaller share of it was seen."""
+"""Standard deviation of a side's place where no edge was seen and it is taken for straight, for want of better."""
 CORNER = 0.0002
 """That of a corner: it is exact, to the pixels of a photo."""
 

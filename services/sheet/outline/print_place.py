@@ -11,8 +11,6 @@ from services.sheet.outline.colors import color_codes, color_density
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
 # Which characters are accepted, and where the middle of the sheet is searched.
-LEAST_CHARACTERS = 10
-"""With fewer there is no print to start from."""
 RADIUS = 0.02
 """Of the photo's long side: print extends this far around its characters."""
 LIKE_PRINT = 0.1
@@ -39,7 +37,7 @@ class PrintPlace:
 def place_print(reduced: ReducedPhoto, characters: Points | None) -> PrintPlace:
     """Place of the print; without print, an ellipse in the middle of the photo."""
     height, width = reduced.colors.shape[:2]
-    if characters is None or len(characters) < LEAST_CHARACTERS:
+    if characters is None:
         x0, y0, x1, y1 = reduced.window
         middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
         core = _ellipse((height, width), middle, np.diag([x1 - x0, y1 - y0]) * MIDDLE)

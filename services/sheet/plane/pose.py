@@ -19,6 +19,7 @@ from services.sheet.plane.refinement import RefinedPlane, joint_cost, refine_pla
 from services.sheet.plane.straight_lines import StraightLines, along_axes, side_directions
 from services.sheet.shape import EXIF_CONTRADICTED, ShapeSource
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO
+from services.sheet.tracing.line_tracing import FEW_LINES
 from services.texture_flow.field import FlowSamples, angle_difference, mean_deviation
 
 TEXT_BELIEVED = Notice(
@@ -60,7 +61,6 @@ STRAY_RAD = np.deg2rad(8.0)
 grain of a desk. Text lines of bent and crumpled sheets are within 3 degrees."""
 ASLANT_RAD = np.deg2rad(5.0)
 """A larger angle between the print and its sheet is reported as a warning."""
-FEW_LINES = 6
 
 
 ROUNDS = 2

@@ -7,8 +7,8 @@ import pytest
 
 from services.rectify.analysis.page_analysis import PICTURE_SHARE
 from services.rectify.shape_choice import text_check
-from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, refusal_of_text
+from services.sheet.tracing.line_tracing import FEW_LINES
 
 
 @pytest.mark.parametrize("lines", [FEW_LINES - 1, FEW_LINES])
@@ -20,8 +20,6 @@ def test_much_other_ink_needs_lines_or_level_print_on_a_sheet(
     monkeypatch.setattr(text_check, "is_level_in_view", lambda evidence, shape: is_level)
     analysis = SimpleNamespace(
         text=SimpleNamespace(rejected_fraction=PICTURE_SHARE + 0.01),
-        characters=range(400),
-        paper=SimpleNamespace(share=0.6),
     )
     shape = SimpleNamespace(sides_believed=False, ends_at_sides=False, line_count=lines)
     outline = None if confidence is None else SimpleNamespace(confidence=confidence)
