@@ -27,6 +27,8 @@ MAD_TO_DEVIATION = 1.4826
 """Standard deviation of normal errors over their median absolute value."""
 CAUCHY_WIDTH = 2.385
 """Scale of Cauchy's loss over the standard deviation of normal errors: 95 % efficiency (Holland and Welsch 1977)."""
+REWEIGHTED_FITS = 8
+"""Of reweighted least squares; the weights then change no more."""
 MEDIAN_LENGTH = 1.1774
 """Median length of normal vectors of the plane over the deviation of one coordinate (Rayleigh)."""
 

@@ -1,6 +1,5 @@
 """Views of a flat page: what a frame offers, how far it reaches, and how it is turned and resized."""
 
-from dataclasses import dataclass
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
@@ -9,35 +8,23 @@ from scipy.ndimage import distance_transform_edt
 from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import resizing
 
-
-@dataclass(frozen=True, slots=True)
-class FramingParameters:
-    """Sizes relative to the photo, the text, or the text height."""
-
-    text_margin: float = 2.5
-    """Text heights that are kept round the text in any case."""
-    paper_margin: float = 0.01
-    """Of the paper's size, so that its edge is not shaved."""
-    detail_percentile: float = 85.0
-    """This share of the text keeps all its pixels; what was nearer to the camera is reduced a little."""
-    max_growth: float = 1.6
-    """Output pixels over photo pixels."""
-    max_reach: float = 1.0
-    """How far, in sizes of the text, the view goes beyond the text when the paper's edge is not seen."""
-    small_print_px: float = 18.0
-    """Text height up to which print is drawn with more pixels than it has in the photo: on ten photos of 1 megapixel
-    it was read 1 to 12 points better."""
-    max_enlargement: float = 2.0
-    small_view_px: float = 4e6
-    """Pixels of a view that are always allowed."""
-    longest_side_px: float = 20000.0
-    """Longest side of a view; OpenCV remaps no more than 32767 pixels."""
-    max_sheet_reach: float = 8.0
-    """The same when it is: a bound for what cannot be a sheet."""
-
-
-TEXT_FRAMING = FramingParameters(max_reach=0.0)
-"""Of a view that shows the text with its margins and nothing else."""
+# Sizes relative to the photo, the text, or the text height.
+TEXT_MARGIN = 2.5
+"""Text heights that are kept round the text in any case."""
+PAPER_MARGIN = 0.01
+"""Of the paper's size, so that its edge is not shaved."""
+DETAIL_PERCENTILE = 85.0
+"""This share of the text keeps all its pixels; what was nearer to the camera is reduced a little."""
+MAX_GROWTH = 1.6
+"""Output pixels over photo pixels."""
+SMALL_PRINT_PX = 18.0
+"""Text height up to which print is drawn with more pixels than it has in the photo: on ten photos of 1 megapixel
+it was read 1 to 12 points better."""
+MAX_ENLARGEMENT = 2.0
+SMALL_VIEW_PX = 4e6
+"""Pixels of a view that are always allowed."""
+LONGEST_SIDE_PX = 20000.0
+"""Longest side of a view; OpenCV remaps no more than 32767 pixels."""
 
 
 class Frame(Protocol):
@@ -68,15 +55,13 @@ class Frame(Protocol):
 AnyFrame = TypeVar("AnyFrame", bound=Frame)
 
 
-def within_bounds(
-    resolution: float, extent: tuple[float, float], photo_pixels: int, p: FramingParameters
-) -> float:
+def within_bounds(resolution: float, extent: tuple[float, float], photo_pixels: int) -> float:
     """`resolution`, in pixels a unit of the page, or less if a view of this `extent` (width, height) is too large."""
     width, height = extent
     return min(
         resolution,
-        float(np.sqrt(p.max_growth * photo_pixels / (width * height))),
-        p.longest_side_px / max(extent),
+        float(np.sqrt(MAX_GROWTH * photo_pixels / (width * height))),
+        LONGEST_SIDE_PX / max(extent),
     )
 
 
@@ -110,7 +95,6 @@ def restore_detail(frame: AnyFrame, photo_pixels: int, characters: Points, text_
     so if it is drawn with more pixels than the photo has, which are `photo_pixels`. `characters` (N, 2) are their
     centres in the photo. `frame` itself is returned if its resolution is right.
     """
-    f = FramingParameters()
     at = frame.to_flat(characters)
     at = at[np.isfinite(at).all(axis=1)]
     if not len(at):
@@ -119,12 +103,12 @@ def restore_detail(frame: AnyFrame, photo_pixels: int, characters: Points, text_
     a, b = steps[1] - steps[0], steps[2] - steps[0]
     with np.errstate(invalid="ignore"):
         lost = np.sqrt(np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
-    growth = float(np.nanpercentile(lost, f.detail_percentile))
-    enlargement = float(np.clip(f.small_print_px / max(text_height_px, 1.0), 1.0, f.max_enlargement))
+    growth = float(np.nanpercentile(lost, DETAIL_PERCENTILE))
+    enlargement = float(np.clip(SMALL_PRINT_PX / max(text_height_px, 1.0), 1.0, MAX_ENLARGEMENT))
     growth *= enlargement
-    pixels = max(f.max_growth * photo_pixels, f.small_view_px if enlargement > 1 else 0.0)
+    pixels = max(MAX_GROWTH * photo_pixels, SMALL_VIEW_PX if enlargement > 1 else 0.0)
     room = np.sqrt(pixels / (frame.width * frame.height))
-    growth = min(growth, float(room), f.longest_side_px / max(frame.width, frame.height))
+    growth = min(growth, float(room), LONGEST_SIDE_PX / max(frame.width, frame.height))
     return resize_frame(frame, growth) if growth > 1.0 else frame
 
 

@@ -31,7 +31,7 @@ _TIFF_BYTES = {3: 2, 4: 4, 5: 8, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 16: 8, 17: 8, 
 _MOST_STRAY_BYTES = 65_536
 """Largest number of bytes between a JPEG's header segments; Pillow reads them one at a time (0.3 us each)."""
 
-_INFLATED_AT_ONCE = 1_048_576
+INFLATED_AT_ONCE = 1_048_576
 _ADAM7_PASSES = (
     (0, 0, 8, 8),
     (4, 0, 8, 8),
@@ -162,7 +162,7 @@ def check_png_rows(data: bytes) -> None:
             else b""
         )
         while packed and needed > 0:
-            needed -= len(inflate.decompress(packed, _INFLATED_AT_ONCE))
+            needed -= len(inflate.decompress(packed, INFLATED_AT_ONCE))
             packed = inflate.unconsumed_tail
         position += 12 + length
     if needed > 0:

@@ -14,12 +14,10 @@ _PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 """FocalPlaneResolutionUnit: inch, cm, mm, um."""
 _SHORTEST_DIAGONALS, _LONGEST_DIAGONALS = 0.2, 20.0
 """Range of accepted focal lengths in image diagonals: fields of view of 136 to 2.9 degrees."""
-_ASPECT_TOLERANCE = 0.01
-"""Sizes whose aspect ratios differ by less belong to one image, reduced or not."""
+_SAME = 0.01
+"""Relative difference up to which two aspect ratios are those of one image, reduced or not, and two resolutions one."""
 _LOWEST_DPI, _HIGHEST_DPI = 100.0, 2400.0
 """Range of accepted resolutions. Cameras and editors write placeholders below it (1, 72, 96)."""
-_SAME_DPI = 0.01
-"""Relative difference up to which two resolutions are one."""
 _MOST_PIXEL_ASPECT = 4.0
 """Of a pixel's longer over its shorter side; those of faxes are up to 2.1 (204 x 98 dpi)."""
 
@@ -115,7 +113,7 @@ def _diagonal_before_cropping(camera: Mapping[int, Any], width: int, height: int
     # Long sides are compared, because an editor may rotate an image without changing the stored sizes.
     long, short = max(sizes[0], sizes[1]), min(sizes[0], sizes[1])
     now_long, now_short = max(width, height), min(width, height)
-    same_aspect = abs(long / short * now_short / now_long - 1) < _ASPECT_TOLERANCE
+    same_aspect = abs(long / short * now_short / now_long - 1) < _SAME
     # After a crop with enlargement or reduction the original size is unknown.
     is_crop = (now_long, now_short) != (long, short) and now_long <= long and now_short <= short
     return math.hypot(long, short) if is_crop and not same_aspect else None
@@ -142,4 +140,4 @@ def _believable_dpi(value: Any) -> tuple[float | None, float]:
     higher = max(horizontal, vertical)
     if not _LOWEST_DPI <= round(higher) <= _HIGHEST_DPI or max(aspect, 1 / aspect) > _MOST_PIXEL_ASPECT:
         return unknown
-    return (horizontal, 1.0) if abs(1 / aspect - 1) <= _SAME_DPI else (higher, aspect)
+    return (horizontal, 1.0) if abs(1 / aspect - 1) <= _SAME else (higher, aspect)

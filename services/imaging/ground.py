@@ -23,37 +23,34 @@ CUT_PERCENTILE = 25.0
 """Of a sliver's depths along its side."""
 
 
-@dataclass(frozen=True, slots=True)
-class GroundParameters:
-    """Lengths are shares of the photo's long side, differences of brightness those of its logarithm."""
-
-    sliver_side_px: int = 1000
-    """Of the copy on which slivers are measured."""
-    closing: float = 1 / 22
-    """Wider than a line of print of 14 points on a full page, and than dark boxes of forms."""
-    step: float = 0.10
-    """Difference of brightness over `reach_px` pixels that is an edge: light and soft shadows change less."""
-    hue_step: float = 5.0
-    """Difference of a or of b of CIE Lab over `reach_px` pixels that is an edge."""
-    reach_px: int = 5
-    dark: float = 0.35
-    """Difference of brightness between a sliver of desk and the paper beside it."""
-    deepest: float = 0.05
-    """A desk that reaches deeper into the photo is no sliver."""
-    deep_share: float = 0.1
-    """Share of a side on which it may."""
-    spike: float = 0.03
-    """Slivers that are shorter along a side are print that touches the frame."""
-    drawn_level: int = 3
-    """Gray levels by which a bar that a program has drawn differs from its colour, ..."""
-    drawn_share: float = 0.7
-    """... on this share of it: wood, cloth and shadows differ by more."""
-    mark_level: int = 60
-    """Gray levels by which its clock, icons or letters differ at least, ..."""
-    mark_share: float = 0.002
-    """... on this share of it."""
-    reached_share: float = 0.8
-    """Share of a side of a flat view on which the ground must go on to where the photo ends."""
+# Lengths are shares of the photo's long side, differences of brightness those of its logarithm.
+SLIVER_SIDE_PX = 1000
+"""Of the copy on which slivers are measured."""
+CLOSING = 1 / 22
+"""Wider than a line of print of 14 points on a full page, and than dark boxes of forms."""
+STEP = 0.10
+"""Difference of brightness over `reach_px` pixels that is an edge: light and soft shadows change less."""
+HUE_STEP = 5.0
+"""Difference of a or of b of CIE Lab over `reach_px` pixels that is an edge."""
+REACH_PX = 5
+DARK = 0.35
+"""Difference of brightness between a sliver of desk and the paper beside it."""
+DEEPEST = 0.05
+"""A desk that reaches deeper into the photo is no sliver."""
+DEEP_SHARE = 0.1
+"""Share of a side on which it may."""
+SPIKE = 0.03
+"""Slivers that are shorter along a side are print that touches the frame."""
+DRAWN_LEVEL = 3
+"""Gray levels by which a bar that a program has drawn differs from its colour, ..."""
+DRAWN_SHARE = 0.7
+"""... on this share of it: wood, cloth and shadows differ by more."""
+MARK_LEVEL = 60
+"""Gray levels by which its clock, icons or letters differ at least, ..."""
+MARK_SHARE = 0.002
+"""... on this share of it."""
+REACHED_SHARE = 0.8
+"""Share of a side of a flat view on which the ground must go on to where the photo ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,14 +112,13 @@ class Ground:
 
 def find_ground(photo: RgbImage | Halves) -> Ground | None:
     """The ground of `photo` (H, W, 3); None if it is not of one kind up to the photo's frame."""
-    p = GroundParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
     factor = min(1.0, GROUND_PX / max(height, width))
     small = reduce_image(halves, factor, least_side_px=8)
-    blank = _without_print(small, p)
-    ground = _largest_part(~_edges(blank, p), p)
-    depths = _slivers(halves, ground, blank, p)
+    blank = _without_print(small)
+    ground = _largest_part(~_edges(blank))
+    depths = _slivers(halves, ground, blank)
     if depths is None:
         return None
     return Ground(depths, (width, height))
@@ -130,11 +126,10 @@ def find_ground(photo: RgbImage | Halves) -> Ground | None:
 
 def even_share(photo: RgbImage | Halves) -> float:
     """Share of the `photo` (H, W, 3), 0-1, that the largest even part covers, with what is printed on it."""
-    p = GroundParameters()
     halves = Halves.of(photo)
     factor = min(1.0, GROUND_PX / max(halves.image.shape[:2]))
     small = reduce_image(halves, factor, least_side_px=8)
-    return float(_largest_part(~_edges(_without_print(small, p), p), p).mean())
+    return float(_largest_part(~_edges(_without_print(small))).mean())
 
 
 def sides_reached(view: RgbImage, shown: Mask) -> frozenset[str]:
@@ -142,65 +137,62 @@ def sides_reached(view: RgbImage, shown: Mask) -> frozenset[str]:
 
     `shown` (H, W) are the pixels of the view that the photo shows.
     """
-    p = GroundParameters()
     factor = min(1.0, GROUND_PX / max(view.shape[:2]))
     small = reduce_image(view, factor, least_side_px=8)
     size = (small.shape[1], small.shape[0])
     inside = cv2.resize(shown.astype(np.uint8), size, interpolation=cv2.INTER_AREA)
     # A closing would carry the white beyond the photo into it; what is near its end is as what is beside it.
-    known = cv2.erode(inside, np.ones((p.reach_px, p.reach_px), np.uint8)) > 0
+    known = cv2.erode(inside, np.ones((REACH_PX, REACH_PX), np.uint8)) > 0
     if not known.any():
         return frozenset()
     small[~known] = np.median(small[known], axis=0)
-    blank = _without_print(small, p)
-    beyond = cv2.dilate((~known).astype(np.uint8), np.ones((p.reach_px, p.reach_px), np.uint8)) > 0
-    ground = _largest_part(~_edges(blank, p) & ~beyond, p) & known
+    blank = _without_print(small)
+    beyond = cv2.dilate((~known).astype(np.uint8), np.ones((REACH_PX, REACH_PX), np.uint8)) > 0
+    ground = _largest_part(~_edges(blank) & ~beyond) & known
     found = []
     for side in SIDES:
         paper, seen = (_from_side(mask, side) for mask in (ground, known))
         lines = seen.any(axis=0)
-        first = np.minimum(seen.argmax(axis=0) + p.reach_px, len(seen) - 1)
+        first = np.minimum(seen.argmax(axis=0) + REACH_PX, len(seen) - 1)
         reached = paper[first, np.arange(paper.shape[1])][lines]
-        if len(reached) and reached.mean() >= p.reached_share:
+        if len(reached) and reached.mean() >= REACHED_SHARE:
             found.append(side)
     return frozenset(found)
 
 
-def _slivers(
-    photo: Halves, ground: Mask, blank: RgbImage, p: GroundParameters
-) -> tuple[Vector, Vector, Vector, Vector] | None:
+def _slivers(photo: Halves, ground: Mask, blank: RgbImage) -> tuple[Vector, Vector, Vector, Vector] | None:
     """Depths of slivers at the photo's sides in photo pixels; None if something deeper than a sliver is there.
 
     `ground` and `blank` (h, w) are a reduced copy's. The slivers are measured on a larger one.
     """
     height, width = photo.image.shape[:2]
-    factor = min(1.0, p.sliver_side_px / max(height, width))
+    factor = min(1.0, SLIVER_SIDE_PX / max(height, width))
     fine = reduce_image(photo, factor, least_side_px=8)
     size = (fine.shape[1], fine.shape[0])
     even = cv2.resize(blank, size, interpolation=cv2.INTER_LINEAR)
     joined = cv2.resize(ground.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     found: list[Vector] = []
     for side in SIDES:
-        limit = p.deepest * size[1 - SIDES.index(side) % 2]
+        limit = DEEPEST * size[1 - SIDES.index(side) % 2]
         strip = int(limit) + 2
         seen, paper, near = (_from_side(image, side)[:strip] for image in (fine, even, joined))
-        depth = _depths(near & ~_differs(seen, paper, p), p)
+        depth = _depths(near & ~_differs(seen, paper))
         end = int(np.median(depth))
-        if (np.abs(depth - end) <= 2).mean() > p.drawn_share and _is_drawn(seen[:end], p):
+        if (np.abs(depth - end) <= 2).mean() > DRAWN_SHARE and _is_drawn(seen[:end]):
             depth = np.zeros_like(depth)
-        if (depth > limit).mean() > p.deep_share:
+        if (depth > limit).mean() > DEEP_SHARE:
             return None
         found.append(np.minimum(depth, limit) / factor)
     top, right, bottom, left = found
     return top, right, bottom, left
 
 
-def _is_drawn(bar: RgbImage, p: GroundParameters) -> bool:
+def _is_drawn(bar: RgbImage) -> bool:
     """Whether a `bar` (h, w, 3) beside the ground is one of a program's: of one colour, with something light on it."""
     if not bar.size:
         return False
     off = np.abs(bar.astype(np.int16) - np.median(bar, axis=(0, 1)).astype(np.int16)).max(axis=2)
-    return bool((off <= p.drawn_level).mean() > p.drawn_share and (off > p.mark_level).mean() > p.mark_share)
+    return bool((off <= DRAWN_LEVEL).mean() > DRAWN_SHARE and (off > MARK_LEVEL).mean() > MARK_SHARE)
 
 
 def _from_side(image: NDArray[Any], side: str) -> NDArray[Any]:
@@ -210,9 +202,9 @@ def _from_side(image: NDArray[Any], side: str) -> NDArray[Any]:
     return image[::-1] if side in ("right", "bottom") else image
 
 
-def _without_print(small: RgbImage, p: GroundParameters) -> RgbImage:
+def _without_print(small: RgbImage) -> RgbImage:
     """`small` (h, w, 3) after a closing, which removes what is dark and narrow."""
-    side = max(int(p.closing * max(small.shape[:2])) | 1, 3)
+    side = max(int(CLOSING * max(small.shape[:2])) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     return np.asarray(cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5), np.uint8)
 
@@ -222,27 +214,27 @@ def _log_brightness(image: RgbImage) -> Floats:
     return np.asarray(np.log(mean_of_channels(image.astype(np.float64)) + 8.0))
 
 
-def _edges(blank: RgbImage, p: GroundParameters) -> Mask:
+def _edges(blank: RgbImage) -> Mask:
     """Where brightness or hue of `blank` (h, w, 3) change more over a few pixels than on paper."""
-    window = np.ones((p.reach_px, p.reach_px), np.uint8)
+    window = np.ones((REACH_PX, REACH_PX), np.uint8)
 
     def change(values: Floats) -> Floats:
         return np.asarray(cv2.dilate(values, window) - cv2.erode(values, window))
 
     lab = cv2.cvtColor(blank, cv2.COLOR_RGB2LAB).astype(np.float64)
-    found = change(_log_brightness(blank)) > p.step
+    found = change(_log_brightness(blank)) > STEP
     for hue in (lab[..., 1], lab[..., 2]):
-        found |= change(np.ascontiguousarray(hue)) > p.hue_step
+        found |= change(np.ascontiguousarray(hue)) > HUE_STEP
     return np.asarray(found)
 
 
-def _largest_part(even: Mask, p: GroundParameters) -> Mask:
+def _largest_part(even: Mask) -> Mask:
     """The largest connected part of `even` (h, w), grown back to the edges, with what lies within it."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(even.astype(np.uint8), connectivity=4)
     if len(stats) < 2:
         return np.zeros(even.shape, bool)
     largest = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    part = cv2.dilate(largest.astype(np.uint8), np.ones((p.reach_px, p.reach_px), np.uint8)) > 0
+    part = cv2.dilate(largest.astype(np.uint8), np.ones((REACH_PX, REACH_PX), np.uint8)) > 0
     # What is not joined with the frame lies within: pictures, tinted boxes.
     _, beyond, stats, _ = cv2.connectedComponentsWithStats((~part).astype(np.uint8), connectivity=4)
     rows, columns = even.shape
@@ -252,14 +244,14 @@ def _largest_part(even: Mask, p: GroundParameters) -> Mask:
     return np.asarray(within[beyond])
 
 
-def _differs(small: RgbImage, blank: RgbImage, p: GroundParameters) -> Mask:
+def _differs(small: RgbImage, blank: RgbImage) -> Mask:
     """Pixels of `small` (h, w, 3) darker than the paper `blank` there: print, and slivers that the closing removed."""
-    return np.asarray(_log_brightness(blank) - _log_brightness(small) > p.dark)
+    return np.asarray(_log_brightness(blank) - _log_brightness(small) > DARK)
 
 
-def _depths(paper: Mask, p: GroundParameters) -> Vector:
+def _depths(paper: Mask) -> Vector:
     """Rows (w,) before the first row of `paper` (h, w), along its first row; short spikes are print."""
     rows, columns = paper.shape
     first = np.where(paper.any(axis=0), paper.argmax(axis=0), rows).astype(np.float64)
-    window = max(round(p.spike * columns), 1) | 1
+    window = max(round(SPIKE * columns), 1) | 1
     return np.asarray(median_filter(first, window, mode="nearest"))

@@ -1,7 +1,6 @@
 """Uneven illumination: its estimation, and its removal for analysis."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,27 +16,16 @@ _BAND_PIXELS = 1 << 20
 """Full-resolution passes process row bands of about this many pixels, to limit memory."""
 
 
-@dataclass(frozen=True, slots=True)
-class BackgroundParameters:
-    """Separation of a page's background from its print.
-
-    Windows are fractions of the image's long side, or multiples of the text height where that is known.
-    """
-
-    median_fraction: float = 1 / 16
-    """Median window: wider than the residue of a word, narrower than a shadow."""
-    median_text_heights: float = 5.0
-    """Median window if the text height is given."""
-    largest_gain: float = 6.0
-    """Largest gain relative to the brightest background. It limits the noise of a dark desk or a picture, while a cast
-    shadow (about a third of the light) is removed completely."""
+MEDIAN_FRACTION = 1 / 16
+"""Of the image's long side: a median window that is wider than the residue of a word, narrower than a shadow."""
+MEDIAN_TEXT_HEIGHTS = 5.0
+"""Median window if the text height is given."""
+LARGEST_GAIN = 6.0
+"""Largest gain relative to the brightest background. It limits the noise of a dark desk or a picture, while a cast
+shadow (about a third of the light) is removed completely."""
 
 
-def estimate_background(
-    gray: GrayImage,
-    text_height_px: float | None = None,
-    parameters: BackgroundParameters = BackgroundParameters(),
-) -> GrayImage:
+def estimate_background(gray: GrayImage, text_height_px: float | None = None) -> GrayImage:
     """Brightness of the bare page at every pixel of `gray`.
 
     A closing with a window wider than strokes removes print, without the bias of a dilation on a slope. A large median
@@ -50,26 +38,22 @@ def estimate_background(
 
     Returns
     -------
-    (H, W) uint8, at least 1, at least 1/largest_gain of its brightest part.
+    (H, W) uint8, at least 1, at least 1/`LARGEST_GAIN` of its brightest part.
     """
     height, width = gray.shape
-    return enlarged(small_background(gray, text_height_px, parameters), height, width)
+    return enlarged(small_background(gray, text_height_px), height, width)
 
 
-def flatten_illumination(
-    image: NDArray[np.uint8],
-    text_height_px: float | None = None,
-    parameters: BackgroundParameters = BackgroundParameters(),
-) -> NDArray[np.uint8]:
+def flatten_illumination(image: NDArray[np.uint8], text_height_px: float | None = None) -> NDArray[np.uint8]:
     """`image`, (H, W) or (H, W, 3) RGB uint8, divided by its background: bare paper becomes 255.
 
     All channels of a colour image get the gain of the luminance, which keeps hues. For analysis and OCR; for display
     use `normalize_illumination`. Returns a new array of the same shape.
     """
     if image.ndim == 2:
-        return divide_by_light(image, small_background(image, text_height_px, parameters))
+        return divide_by_light(image, small_background(image, text_height_px))
     gray = luminance(image)
-    background = estimate_background(gray, text_height_px, parameters)
+    background = estimate_background(gray, text_height_px)
     flat = np.empty_like(image)
     for rows in pixel_bands(*gray.shape):
         cv2.divide(image[rows], cv2.merge([background[rows]] * 3), dst=flat[rows], scale=255.0)
@@ -78,7 +62,7 @@ def flatten_illumination(
 
 def reduced_light(gray: GrayImage) -> GrayImage:
     """Brightness of the bare page as in `estimate_background`, on the reduced copy that it is measured on."""
-    return small_background(gray, None, BackgroundParameters())
+    return small_background(gray, None)
 
 
 def divide_by_light(gray: GrayImage, light: GrayImage) -> GrayImage:
@@ -124,17 +108,15 @@ def enlarged(small: GrayImage, height: int, width: int) -> GrayImage:
     return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
 
-def small_background(
-    gray: GrayImage, text_height_px: float | None, parameters: BackgroundParameters
-) -> GrayImage:
+def small_background(gray: GrayImage, text_height_px: float | None) -> GrayImage:
     """Background on a copy of at most `GROUND_PX`."""
-    return small_backgrounds(gray, text_height_px, (parameters,))[0]
+    return small_backgrounds(gray, text_height_px, (MEDIAN_FRACTION,))[0]
 
 
 def small_backgrounds(
-    gray: GrayImage, text_height_px: float | None, choices: Sequence[BackgroundParameters]
+    gray: GrayImage, text_height_px: float | None, fractions: Sequence[float]
 ) -> list[GrayImage]:
-    """Backgrounds as of `small_background`, one for each of some parameters, that share the closing."""
+    """Backgrounds as of `small_background`, one for each median window in `fractions`, that share the closing."""
     small, factor = reduced_copy(gray, GROUND_PX)
     long_side = max(small.shape)
     largest = min(255, 2 * long_side - 1)
@@ -143,12 +125,12 @@ def small_backgrounds(
     kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (odd_size(closing_px, 3, largest),) * 2)
     closed = cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel)
     found = []
-    for parameters in choices:
-        median_px = parameters.median_fraction * long_side
+    for fraction in fractions:
+        median_px = fraction * long_side
         if text_height_px is not None:
-            median_px = parameters.median_text_heights * text_height_px * factor
+            median_px = MEDIAN_TEXT_HEIGHTS * text_height_px * factor
         background = cv2.medianBlur(closed, odd_size(median_px, 3, largest))
-        floor = max(1, int(np.ceil(background.max() / parameters.largest_gain)))
+        floor = max(1, int(np.ceil(background.max() / LARGEST_GAIN)))
         found.append(np.asarray(np.maximum(background, np.uint8(floor)), dtype=np.uint8))
     return found
 

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage, Mask, RgbImage
 from services.imaging.channels import luminance, strongest_channel
 from services.imaging.illumination import (
-    BackgroundParameters,
+    MEDIAN_FRACTION,
     enlarged,
     odd_size,
     reduced_copy,
     small_backgrounds,
 )
+from services.imaging.reduction import PRINT_PX
 
 TINTS_OF_LIGHT = (1.25, 1.5)
 """Ratio of paper's strongest to its weakest channel: the largest that white balance may leave, and the least of
@@ -22,35 +23,30 @@ coloured paper. Lamps that a phone does not correct leave 1.1 to 1.3; pink and b
 _NEIGHBOURS = tuple((rows, columns) for rows in range(3) for columns in range(3))
 
 
-@dataclass(frozen=True, slots=True)
-class NormalizationParameters:
-    """Localized histogram normalization (dissertation 4.4); levels are shares of white or of paper, 0-1."""
-
-    fine_median_fraction: float = 1 / 36
-    """Median of the background that is divided out: it follows the corners of tinted boxes and shadows."""
-    working_long_side_px: int = 1200
-    """Levels are taken here, where the strokes of ten-point print on A4 are still two pixels wide."""
-    tiles: int = 28
-    """Tiles along the long side; a neighbourhood is three by three of them."""
-    ink_contrast: float = 0.2
-    """Ink is darker than its paper by this share of it, at least."""
-    ink_shares: tuple[float, float] = (0.008, 0.6)
-    """Share of a neighbourhood that its ink takes: less is dirt, more is a picture."""
-    paper_share: float = 0.5
-    """Share of a neighbourhood within `paper_spread` of its paper's level; in pictures it is less."""
-    paper_spread: float = 0.08
-    paper_step: float = 0.15
-    """Largest difference between blank paper and the paper next to it; else it is something else."""
-    darkest_paper: float = 0.25
-    """Paper in the deepest shadow, against the brightest: what is darker is a desk."""
-    ink_quantile: float = 0.25
-    """Of the ink's histogram: its mode, as far as blurred strokes show it."""
-    largest_ink: float = 0.75
-    """Ink that is lighter than this is faint print, and stays so."""
-    largest_chroma: float = 0.25
-    """Ink whose channels differ by more than this is coloured; it shows nothing about the level of black."""
-    black: float = 0.08
-    """Level of ink in the result: deep dark."""
+# Localized histogram normalization (dissertation 4.4); levels are shares of white or of paper, 0-1.
+FINE_MEDIAN_FRACTION = 1 / 36
+"""Median of the background that is divided out: it follows the corners of tinted boxes and shadows."""
+TILES = 28
+"""Tiles along the long side; a neighbourhood is three by three of them."""
+INK_CONTRAST = 0.2
+"""Ink is darker than its paper by this share of it, at least."""
+INK_SHARES = (0.008, 0.6)
+"""Share of a neighbourhood that its ink takes: less is dirt, more is a picture."""
+PAPER_SHARE = 0.5
+"""Share of a neighbourhood within `paper_spread` of its paper's level; in pictures it is less."""
+PAPER_SPREAD = 0.08
+PAPER_STEP = 0.15
+"""Largest difference between blank paper and the paper next to it; else it is something else."""
+DARKEST_PAPER = 0.25
+"""Paper in the deepest shadow, against the brightest: what is darker is a desk."""
+INK_QUANTILE = 0.25
+"""Of the ink's histogram: its mode, as far as blurred strokes show it."""
+LARGEST_INK = 0.75
+"""Ink that is lighter than this is faint print, and stays so."""
+LARGEST_CHROMA = 0.25
+"""Ink whose channels differ by more than this is coloured; it shows nothing about the level of black."""
+BLACK = 0.08
+"""Level of ink in the result: deep dark."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +72,7 @@ def level_coefficients(paper: NDArray[np.float32], ink: NDArray[np.float32]) -> 
     of them, v, then becomes (v - ink) contrast + black, and the others change by as much: chroma stays, and coloured
     ink, strong in one channel, hardly darkens. Where `ink` is 0 only the gain is left.
     """
-    target = np.minimum(NormalizationParameters().black, ink)
+    target = np.minimum(BLACK, ink)
     contrast = (1.0 - target) / (1.0 - ink)
     gain = 255.0 / paper
     return np.dstack([gain, gain * (contrast - 1.0), 255.0 * (target - ink * contrast)]).astype(np.float32)
@@ -85,40 +81,36 @@ def level_coefficients(paper: NDArray[np.float32], ink: NDArray[np.float32]) -> 
 def measure_levels(image: RgbImage) -> Levels | None:
     """Levels of paper and ink over `image` (H, W, 3) RGB uint8; None where nothing looks like print on paper.
 
-    They are measured on a copy of at most `working_long_side_px`, and given on the background's copy.
+    They are measured on a copy of at most `PRINT_PX`, and given on the background's copy.
     """
-    parameters = NormalizationParameters()
-    small, _ = reduced_copy(image, parameters.working_long_side_px)
+    small, _ = reduced_copy(image, PRINT_PX)
     gray = luminance(small)
-    fine = BackgroundParameters(median_fraction=parameters.fine_median_fraction)
     # Within the wide median of the first background a picture varies, and paper does not.
-    background, fine_background = small_backgrounds(gray, None, (BackgroundParameters(), fine))
+    background, fine_background = small_backgrounds(gray, None, (MEDIAN_FRACTION, FINE_MEDIAN_FRACTION))
     ground = enlarged(background, *gray.shape)
     share = cv2.divide(gray, ground, scale=200.0)  # 200: as light as its paper
     height, width = gray.shape
-    tiles = min(parameters.tiles / max(height, width), 1 / 12)
+    tiles = min(TILES / max(height, width), 1 / 12)
     grid = (max(1, round(width * tiles)), max(1, round(height * tiles)))
-    is_ink = (share < 200 * (1.0 - parameters.ink_contrast)).astype(np.uint8)
-    is_paper = (np.abs(share.astype(np.int16) - 200) <= 200 * parameters.paper_spread).astype(np.uint8)
+    is_ink = (share < 200 * (1.0 - INK_CONTRAST)).astype(np.uint8)
+    is_paper = (np.abs(share.astype(np.int16) - 200) <= 200 * PAPER_SPREAD).astype(np.uint8)
     ink_share, _ = _tile_shares(is_ink, grid)
     # Next to a picture the neighbourhood is paper, but the tile itself is not.
-    is_even = np.minimum(*_tile_shares(is_paper, grid)) >= parameters.paper_share
+    is_even = np.minimum(*_tile_shares(is_paper, grid)) >= PAPER_SHARE
     samples = cv2.resize(background, (3 * grid[0], 3 * grid[1]), interpolation=cv2.INTER_NEAREST)
     level = np.median(np.reshape(samples, (grid[1], 3, grid[0], 3)), axis=(1, 3)).astype(np.float32)
-    least, most = parameters.ink_shares
+    least, most = INK_SHARES
     printed = is_even & (ink_share >= least) & (ink_share <= most)
     if not np.any(printed):
         return None
-    printed &= level >= parameters.darkest_paper * np.quantile(level[printed], 0.9)
-    accepted = _grow_paper(level, printed, is_even, parameters.paper_step)
-    paper, is_accepted = _level_paper(fine_background, level, accepted, parameters.paper_step)
+    printed &= level >= DARKEST_PAPER * np.quantile(level[printed], 0.9)
+    accepted = _grow_paper(level, printed, is_even, PAPER_STEP)
+    paper, is_accepted = _level_paper(fine_background, level, accepted, PAPER_STEP)
     strongest = strongest_channel(small)
     weakest = 255 - strongest_channel(np.asarray(255 - small, dtype=np.uint8))
-    is_neutral = (
-        cv2.divide(cv2.subtract(strongest, weakest), ground, scale=200.0) < 200 * parameters.largest_chroma
-    )
+    is_neutral = cv2.divide(cv2.subtract(strongest, weakest), ground, scale=200.0) < 200 * LARGEST_CHROMA
     strongest = np.asarray(cv2.divide(strongest, ground, scale=200.0), dtype=np.uint8)
-    ink = _level_ink(strongest, is_ink * is_neutral, printed, parameters)
+    ink = _level_ink(strongest, is_ink * is_neutral, printed)
     ink = np.asarray(cv2.resize(ink, paper.shape[::-1], interpolation=cv2.INTER_LINEAR), dtype=np.float32)
     return Levels(paper, ink, is_accepted)
 
@@ -185,7 +177,6 @@ def _level_ink(
     strongest: NDArray[np.uint8],
     is_ink: NDArray[np.uint8],
     printed: Mask,
-    parameters: NormalizationParameters,
 ) -> NDArray[np.float32]:
     """Mode of ink as a share of its paper for every tile, from the printed tiles around it; 0: no ink."""
     bins = 32
@@ -199,9 +190,9 @@ def _level_ink(
     planes = np.moveaxis(counts, 2, 0).astype(np.float32)
     around = np.stack([cv2.blur(plane, (5, 5), borderType=cv2.BORDER_CONSTANT) for plane in planes])
     below = np.cumsum(around, axis=0)
-    reached = np.argmax(below >= parameters.ink_quantile * below[-1], axis=0)
+    reached = np.argmax(below >= INK_QUANTILE * below[-1], axis=0)
     ink = (reached + 0.5) * (256 / bins) / 200
-    known = ((below[-1] > 0) & (ink <= parameters.largest_ink)).astype(np.float32)
+    known = ((below[-1] > 0) & (ink <= LARGEST_INK)).astype(np.float32)
     return fill_unknown_levels(ink.astype(np.float32), known, 5.0)
 
 

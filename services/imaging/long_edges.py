@@ -15,6 +15,8 @@ from services.arrays import Floats, Mask, Vector
 from services.imaging.grid_paths import SHIFT_COST, accumulate_to_row, trace_back
 from services.order_statistics import median, median_along
 
+GROUND_SHARE = 0.8
+"""Of the text's length, on which the ground beyond an edge is another one."""
 LONG_SIDE_PX = 700
 """Of the copy in which they are sought: the pixels below are its."""
 
@@ -88,10 +90,10 @@ class LongEdge:
         """Columns (N,) of the edge at `rows` (N,)."""
         return np.asarray(np.interp(rows, self.rows, self.columns))
 
-    def ground_differs(self, contrast: float, share: float) -> bool:
-        """Whether one side is brighter by `contrast` than the other on this `share` of the text's length."""
+    def ground_differs(self, contrast: float) -> bool:
+        """Whether one side is brighter by `contrast` than the other on `GROUND_SHARE` of the text's length."""
         difference = (self.left_ground - self.right_ground)[self.beside_text]
-        return bool(max((difference > contrast).mean(), (difference < -contrast).mean()) > share)
+        return bool(max((difference > contrast).mean(), (difference < -contrast).mean()) > GROUND_SHARE)
 
 
 def find_long_edges(

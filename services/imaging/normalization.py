@@ -8,8 +8,8 @@ from services.arrays import Points, RgbImage
 from services.imaging.channels import luminance, strongest_channel
 from services.imaging.illumination import pixel_bands
 from services.imaging.levels import (
+    PAPER_SPREAD,
     Levels,
-    NormalizationParameters,
     level_coefficients,
     measure_levels,
     neutral_gains,
@@ -49,7 +49,7 @@ def _paper_colour(image: RgbImage, levels: Levels) -> NDArray[np.float32]:
     """Typical colour (3,) of the paper in `image`, the channels 0-255; gray where none was measured."""
     height, width = levels.paper.shape
     small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-    near = np.abs(luminance(small) - levels.paper) <= NormalizationParameters().paper_spread * levels.paper
+    near = np.abs(luminance(small) - levels.paper) <= PAPER_SPREAD * levels.paper
     paper = small[near & (levels.measured > 0.5)]
     return np.asarray(np.median(paper, axis=0) if len(paper) else np.full(3, 255.0), np.float32)
 

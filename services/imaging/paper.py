@@ -84,12 +84,6 @@ class Paper:
         at = self._pixels(points)
         return np.asarray((np.abs(self.contrast[at]) < p.text_contrast) & (self.chroma[at] < p.text_chroma))
 
-    @property
-    def share(self) -> float:
-        """Share of the photo, 0-1, that is like the paper at the nearest text."""
-        p = PaperParameters()
-        return float(((np.abs(self.near_contrast) < p.contrast) & (self.chroma < p.chroma)).mean())
-
     def outline(self, text_points: Points, parameters: PaperParameters | None = None) -> Points | None:
         """Outline (N, 2) in photo pixels of the sheet that holds the text; None if its edge cannot be determined."""
         p = parameters or PaperParameters()

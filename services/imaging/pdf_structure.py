@@ -15,12 +15,12 @@ from typing import Any
 import pikepdf
 
 from services.errors import TooLarge, UndecodableImage
+from services.imaging.containers import INFLATED_AT_ONCE
 
 _DRAWN_NAME = re.compile(rb"/([^\s/<>\[\](){}%]+)\s+Do(?=[\s/<>\[\](){}%]|$)")
 """Operator that draws a form or an image (ISO 32000-1, 8.8)."""
 _ESCAPE = re.compile(rb"#([0-9A-Fa-f]{2})")
 _FLATE = ("/FlateDecode", "/Fl")
-_AT_ONCE = 1 << 20
 _BYTES_OF_A_FORM = 1024
 """Drawing a form costs at least as much as this number of bytes of content: a million empty ones take 1 GB and 5 s."""
 
@@ -103,7 +103,7 @@ class _Check:
         inflate, parts = zlib.decompressobj(), []
         while packed and not inflate.eof:
             try:
-                part = inflate.decompress(packed, _AT_ONCE)
+                part = inflate.decompress(packed, INFLATED_AT_ONCE)
             except zlib.error:
                 break
             parts.append(part)

@@ -1,7 +1,5 @@
 """Detection of pictures on a page, as opposed to shaded paper, from the levels of paper and ink."""
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,49 +7,46 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.channels import BLACK_LEVELS, log_brightness
 from services.imaging.illumination import reduced_copy
-from services.imaging.levels import Levels, NormalizationParameters, fill_unknown_levels, measure_levels
+from services.imaging.levels import Levels, fill_unknown_levels, measure_levels
+from services.imaging.reduction import PRINT_PX
 
-
-@dataclass(frozen=True, slots=True)
-class PictureParameters:
-    """Lengths are shares of the page's long side; levels of ink are shares of the local paper level."""
-
-    window: float = 0.45
-    """Largest extent of a picture in one direction."""
-    darkest_paper: float = 0.88
-    """Brightest level of a picture relative to the surrounding paper. Wrinkles and show-through are brighter."""
-    largest_paper_ink: float = 0.35
-    """Largest ink level of a page whose strokes are resolved; above it ink levels are not used."""
-    similar_ink: tuple[float, float] = (1.3, 0.05)
-    """Largest ink level in a shadow as a factor and a summand of that elsewhere: in a shadow the ratio of ink to paper
-    is the same as in full light. In a picture the ratio of dark to light is larger."""
-    other_ink: tuple[float, float] = (1.5, 0.1)
-    """Largest level of ink, as a factor and a summand; lighter print is not ink."""
-    shadow_share: float = 0.9
-    """Least share with similar ink for a dark part to count as a shadow."""
-    picture_share: float = 0.5
-    """Least share without any ink for a dark part at the page's border to count as a picture."""
-    holes: float = 1 / 24
-    """Largest width of bright parts within a picture, for example of white print."""
-    ring: float = 1 / 60
-    """Width of the rings inside and outside of a dark part, in which its edge is measured."""
-    edge: float = 0.07
-    """Least step of the level's logarithm across the rings: a picture's edge is sharp. Without this step near the
-    border, a dark part is uneven light."""
-    sure_edge: float = 0.3
-    """Least share of the rings inside photos; below it nothing is known about the edge."""
-    box_share: float = 0.8
-    """A picture that covers this share of its upright bounding box is extended to the box; the rest is bright parts."""
-    rim: float = 1 / 100
-    """Margin around a picture in which the background is not yet that of paper."""
-    softness_px: int = 5
-    """Width over which the edge of a picture's mask is softened, pixels of the map of levels."""
-    most_characters: int = 4
-    """A dark part of a single photo with more characters of text is paper in a shadow."""
-    spread: float = 0.2
-    """Least deviation of the logarithm of a gray picture's brightness; creases and shadows on bare paper vary less."""
-    tint: float = 0.2
-    """From this difference of log channels to the paper a part is coloured, and no shadow or aged margin of a book."""
+# Lengths are shares of the page's long side; levels of ink are shares of the local paper level.
+WINDOW = 0.45
+"""Largest extent of a picture in one direction."""
+DARKEST_PAPER = 0.88
+"""Brightest level of a picture relative to the surrounding paper. Wrinkles and show-through are brighter."""
+LARGEST_PAPER_INK = 0.35
+"""Largest ink level of a page whose strokes are resolved; above it ink levels are not used."""
+SIMILAR_INK = (1.3, 0.05)
+"""Largest ink level in a shadow as a factor and a summand of that elsewhere: in a shadow the ratio of ink to paper
+is the same as in full light. In a picture the ratio of dark to light is larger."""
+OTHER_INK = (1.5, 0.1)
+"""Largest level of ink, as a factor and a summand; lighter print is not ink."""
+SHADOW_SHARE = 0.9
+"""Least share with similar ink for a dark part to count as a shadow."""
+PICTURE_SHARE = 0.5
+"""Least share without any ink for a dark part at the page's border to count as a picture."""
+HOLES = 1 / 24
+"""Largest width of bright parts within a picture, for example of white print."""
+RING = 1 / 60
+"""Width of the rings inside and outside of a dark part, in which its edge is measured."""
+EDGE = 0.07
+"""Least step of the level's logarithm across the rings: a picture's edge is sharp. Without this step near the
+border, a dark part is uneven light."""
+SURE_EDGE = 0.3
+"""Least share of the rings inside photos; below it nothing is known about the edge."""
+BOX_SHARE = 0.8
+"""A picture that covers this share of its upright bounding box is extended to the box; the rest is bright parts."""
+RIM = 1 / 100
+"""Margin around a picture in which the background is not yet that of paper."""
+SOFTNESS_PX = 5
+"""Width over which the edge of a picture's mask is softened, pixels of the map of levels."""
+MOST_CHARACTERS = 4
+"""A dark part of a single photo with more characters of text is paper in a shadow."""
+SPREAD = 0.2
+"""Least deviation of the logarithm of a gray picture's brightness; creases and shadows on bare paper vary less."""
+TINT = 0.2
+"""From this difference of log channels to the paper a part is coloured, and no shadow or aged margin of a book."""
 
 
 def find_pictures(levels: Levels, inner: Mask | None = None) -> Mask:
@@ -62,36 +57,33 @@ def find_pictures(levels: Levels, inner: Mask | None = None) -> Mask:
     is reliable where `inner` (of any size) is true, inside a photo. At the borders of photos it may be a difference of
     their light.
     """
-    p = PictureParameters()
     height, width = levels.paper.shape
     long_side = max(height, width)
-    window = _odd(p.window * long_side)
-    amid = _dark_amid_paper(levels.paper, window, p.darkest_paper, to_border=False)
-    to_border = _dark_amid_paper(levels.paper, window, p.darkest_paper, to_border=True)
+    window = _odd(WINDOW * long_side)
+    amid = _dark_amid_paper(levels.paper, window, DARKEST_PAPER, to_border=False)
+    to_border = _dark_amid_paper(levels.paper, window, DARKEST_PAPER, to_border=True)
     plain = ~to_border & (levels.measured > 0.5) & (levels.ink > 0)
     ink = float(np.median(levels.ink[plain])) if plain.any() else 1.0
-    resolved = 0.0 < ink <= p.largest_paper_ink
+    resolved = 0.0 < ink <= LARGEST_PAPER_INK
     # Paper in a shadow has similar ink everywhere; in a picture only some places look like paper with ink.
-    is_similar = (
-        resolved & (levels.measured > 0.5) & (levels.ink <= p.similar_ink[0] * ink + p.similar_ink[1])
-    )
-    is_other = resolved & (levels.ink > p.other_ink[0] * ink + p.other_ink[1])
-    holes, rim = _odd(p.holes * long_side), _odd(2 * p.rim * long_side)
-    ring = _odd(p.ring * long_side)
+    is_similar = resolved & (levels.measured > 0.5) & (levels.ink <= SIMILAR_INK[0] * ink + SIMILAR_INK[1])
+    is_other = resolved & (levels.ink > OTHER_INK[0] * ink + OTHER_INK[1])
+    holes, rim = _odd(HOLES * long_side), _odd(2 * RIM * long_side)
+    ring = _odd(RING * long_side)
     amid_parts, amid_count = _parts(amid, holes)
     sure = np.ones((height, width), bool)
     if inner is not None:
         sure = cv2.resize(inner.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
-    is_picture = _edges(np.log(levels.paper), amid_parts, amid_count, ring, sure, p.sure_edge) >= p.edge
-    is_picture &= _shares(amid_parts, amid_count, is_similar) <= p.shadow_share
+    is_picture = _edges(np.log(levels.paper), amid_parts, amid_count, ring, sure, SURE_EDGE) >= EDGE
+    is_picture &= _shares(amid_parts, amid_count, is_similar) <= SHADOW_SHARE
     is_picture[0] = False
     cut_parts, cut_count = _parts(to_border, holes)
-    is_cut_picture = _shares(cut_parts, cut_count, is_other) >= p.picture_share
+    is_cut_picture = _shares(cut_parts, cut_count, is_other) >= PICTURE_SHARE
     is_cut_picture[0] = False
     found = (is_picture[amid_parts] | is_cut_picture[cut_parts]).astype(np.uint8)
     _, _, boxes, _ = cv2.connectedComponentsWithStats(found)
     for left, top, across, down, area in boxes[1:]:
-        if area >= p.box_share * across * down:
+        if area >= BOX_SHARE * across * down:
             found[top : top + down, left : left + across] = 1
     grown = cv2.dilate(found, np.ones((rim, rim), np.uint8))
     return np.asarray(grown > 0)
@@ -104,31 +96,30 @@ def pictures_without_text(levels: Levels, image: RgbImage, characters: Points) -
     `characters` (N, 2), which are places of text in pixels of `image` (H, W, 3), and it varies or is coloured. A gray
     one does not reach the view's border, since shadows of hands and of a book's other page do.
     """
-    p = PictureParameters()
     found = find_pictures(levels)
     height, width = found.shape
     small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
     paper = (levels.measured > 0.5) & ~found
     tint = _tints(small, paper) if paper.any() else np.zeros(found.shape)
-    window = _odd(p.window * max(height, width))
-    dark = _dark_amid_paper(levels.paper, window, p.darkest_paper, to_border=True)
+    window = _odd(WINDOW * max(height, width))
+    dark = _dark_amid_paper(levels.paper, window, DARKEST_PAPER, to_border=True)
     # A coloured part without the rim around it: text just beside a band is not in it.
-    coloured, _ = _parts(dark & (tint >= p.tint), _odd(p.holes * max(height, width)))
+    coloured, _ = _parts(dark & (tint >= TINT), _odd(HOLES * max(height, width)))
     scale = np.array([width / image.shape[1], height / image.shape[0]])
     columns, rows = np.clip((characters * scale).astype(int), 0, [width - 1, height - 1]).T
-    brightness = log_brightness(np.asarray(cv2.medianBlur(small, 2 * p.softness_px + 1), np.uint8))
+    brightness = log_brightness(np.asarray(cv2.medianBlur(small, 2 * SOFTNESS_PX + 1), np.uint8))
     inner = np.zeros_like(found)
     inner[1:-1, 1:-1] = True
     pictures = np.zeros_like(found)
-    for mask, rim in ((found, 0.0), (coloured > 0, p.rim)):
+    for mask, rim in ((found, 0.0), (coloured > 0, RIM)):
         count, parts = cv2.connectedComponents(mask.astype(np.uint8))
         labels = np.asarray(parts, np.int32)
         text = np.bincount(labels[rows, columns], minlength=count)
         at_border = np.bincount(labels[~inner], minlength=count) > 0
         means = _shares(labels, count, brightness)
         spread = np.sqrt(_shares(labels, count, np.square(brightness - means[labels])))
-        is_coloured = _shares(labels, count, tint) >= p.tint
-        is_picture = (text <= p.most_characters) & (is_coloured | ((spread >= p.spread) & ~at_border))
+        is_coloured = _shares(labels, count, tint) >= TINT
+        is_picture = (text <= MOST_CHARACTERS) & (is_coloured | ((spread >= SPREAD) & ~at_border))
         is_picture[0] = False
         around = np.ones((_odd(2 * rim * max(height, width)),) * 2, np.uint8)
         pictures |= cv2.dilate(is_picture[labels].astype(np.uint8), around) > 0
@@ -137,12 +128,11 @@ def pictures_without_text(levels: Levels, image: RgbImage, characters: Points) -
 
 def levels_beside_pictures(image: RgbImage, levels: Levels, pictures: Mask) -> Levels:
     """`levels` of `image`, measured again with its `pictures` replaced by the paper around; these are not measured."""
-    p = PictureParameters()
     beside = (levels.measured > 0.5) & ~pictures
     if not pictures.any() or not beside.any():
         return levels
-    around = fill_unknown_levels(levels.paper, beside.astype(np.float32), p.holes * max(pictures.shape))
-    copy = reduced_copy(image, NormalizationParameters().working_long_side_px)[0].copy()
+    around = fill_unknown_levels(levels.paper, beside.astype(np.float32), HOLES * max(pictures.shape))
+    copy = reduced_copy(image, PRINT_PX)[0].copy()
     size = (copy.shape[1], copy.shape[0])
     covered = cv2.resize(pictures.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     paper = cv2.resize(around, size, interpolation=cv2.INTER_LINEAR)
@@ -150,7 +140,7 @@ def levels_beside_pictures(image: RgbImage, levels: Levels, pictures: Mask) -> L
     again = measure_levels(copy)
     if again is None:
         return levels
-    softened = cv2.blur((~pictures).astype(np.float32), (p.softness_px, p.softness_px))
+    softened = cv2.blur((~pictures).astype(np.float32), (SOFTNESS_PX, SOFTNESS_PX))
     return Levels(again.paper, again.ink, np.asarray(again.measured * softened, np.float32))
 
 

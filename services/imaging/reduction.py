@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from services.arrays import Vector
 
+PRINT_PX = 1200
+"""Long side of a copy on which ten-point print of A4 is 8 px high; its strokes are two pixels wide, and rules one."""
 GROUND_PX = 400
 """Long side of the copy on which paper and desk are separated: light and paper vary slowly, print is small."""
 LARGEST_STEP = 1.3

@@ -17,29 +17,24 @@ LEVEL = LongEdgeParameters(contrast=0.15, share_of_view=0.85)
 """The upper and the lower edge: creases that run across a letter are fainter."""
 
 
-@dataclass(frozen=True, slots=True)
-class SheetEdgesParameters:
-    """Contrasts are differences of the logarithm of brightness; lengths are pixels unless documented otherwise."""
-
-    outliers: float = 1.0
-    """Per cent of the characters that may lie beyond an edge, where a desk or the edges of a page stack follow it."""
-    stack_edges: int = 2
-    """This many more edges beyond are a page stack."""
-    stack_step_px: float = 6.0
-    """Edges of a stack are apart by this."""
-    ground_contrast: float = 0.15
-    """A desk is brighter or darker by this on the share `ground_share` of the text's length."""
-    ground_share: float = 0.8
-    outer_percentile: float = 25.0
-    """Of an edge's columns along the text, counted from outside: where a sloping edge is cut."""
-    corner_px: float = 18.0
-    """The upper and the lower edge meet the end of an upright one within this distance."""
-    min_characters: int = 30
-    min_margin_px: int = 8
-    beside_px: int = 20
-    """Columns of the text that are used, with the margin, to measure the ground next to an edge."""
-    rim: float = 0.004
-    """Of the view's long side, by which the edges lie outside of what was found."""
+# Contrasts are differences of the logarithm of brightness; lengths are pixels unless documented otherwise.
+OUTLIERS = 1.0
+"""Per cent of the characters that may lie beyond an edge, where a desk or the edges of a page stack follow it."""
+STACK_EDGES = 2
+"""This many more edges beyond are a page stack."""
+STACK_STEP_PX = 6.0
+"""Edges of a stack are apart by this."""
+GROUND_CONTRAST = 0.15
+"""A desk is brighter or darker by this."""
+OUTER_PERCENTILE = 25.0
+"""Of an edge's columns along the text, counted from outside: where a sloping edge is cut."""
+CORNER_PX = 18.0
+"""The upper and the lower edge meet the end of an upright one within this distance."""
+MIN_MARGIN_PX = 8
+BESIDE_PX = 20
+"""Columns of the text that are used, with the margin, to measure the ground next to an edge."""
+RIM = 0.004
+"""Of the view's long side, by which the edges lie outside of what was found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +85,17 @@ def find_sheet_edges(
     their size, and `seen` (H, W) marks the pixels that the photo shows; all if it is None. Of every side the
     innermost certain edge is taken, None rather than a guess.
     """
-    p = SheetEdgesParameters()
     height, width = view.shape[:2]
     text = text_points[np.isfinite(text_points).all(axis=1)]
-    if len(text) < p.min_characters:
+    if not len(text):
         return SheetEdges()
     brightness = log_brightness(view)
     shown = np.ones((height, width), bool) if seen is None else seen
-    low = np.percentile(text, p.outliers, axis=0) - text_height_px
-    high = np.percentile(text, 100 - p.outliers, axis=0) + text_height_px
+    low = np.percentile(text, OUTLIERS, axis=0) - text_height_px
+    high = np.percentile(text, 100 - OUTLIERS, axis=0) + text_height_px
     upright = _Margin(brightness, shown, text, (float(low[1]), float(high[1])), level=False)
-    left = _innermost_edge(upright, float(low[0]), p)
-    right = _innermost_edge(upright.mirrored(), width - 1 - float(high[0]), p)
+    left = _innermost_edge(upright, float(low[0]))
+    right = _innermost_edge(upright.mirrored(), width - 1 - float(high[0]))
     first = 0 if left is None else max(int(left.place), 0)
     last = width if right is None else width - max(int(right.place), 0)
     level = _Margin(
@@ -111,17 +105,17 @@ def find_sheet_edges(
         (float(low[0]) - first, float(high[0]) - first),
         level=True,
     )
-    top = _innermost_edge(level, float(low[1]), p)
-    bottom = _innermost_edge(level.mirrored(), height - 1 - float(high[1]), p)
+    top = _innermost_edge(level, float(low[1]))
+    bottom = _innermost_edge(level.mirrored(), height - 1 - float(high[1]))
     # At a corner of the sheet its upright edges end, at a coloured band across the page they continue.
     sides = [edge for edge in (left, right) if edge is not None]
     begins = np.array([row for edge in sides for row in edge.begins])
     ends = np.array([row for edge in sides for row in edge.ends])
-    if top is not None and not (np.abs(begins - top.place) <= p.corner_px).any():
+    if top is not None and not (np.abs(begins - top.place) <= CORNER_PX).any():
         top = None
-    if bottom is not None and not (np.abs(ends - (height - 1 - bottom.place)) <= p.corner_px).any():
+    if bottom is not None and not (np.abs(ends - (height - 1 - bottom.place)) <= CORNER_PX).any():
         bottom = None
-    rim = p.rim * max(height, width)
+    rim = RIM * max(height, width)
     return SheetEdges(
         None if left is None else left.place - rim,
         None if top is None else top.place - rim,
@@ -130,12 +124,12 @@ def find_sheet_edges(
     )
 
 
-def _innermost_edge(margin: _Margin, limit: float, p: SheetEdgesParameters) -> _Edge | None:
+def _innermost_edge(margin: _Margin, limit: float) -> _Edge | None:
     """The certain edge next to, and left of, column `limit`."""
     columns = min(int(limit), margin.brightness.shape[1])
-    if columns < p.min_margin_px:
+    if columns < MIN_MARGIN_PX:
         return None
-    beside = slice(None, columns + p.beside_px)
+    beside = slice(None, columns + BESIDE_PX)
     found = find_long_edges(
         margin.brightness[:, beside],
         margin.shown[:, beside],
@@ -143,15 +137,11 @@ def _innermost_edge(margin: _Margin, limit: float, p: SheetEdgesParameters) -> _
         columns,
         LEVEL if margin.level else UPRIGHT,
     )
-    places = np.array([np.percentile(edge.columns[edge.beside_text], p.outer_percentile) for edge in found])
+    places = np.array([np.percentile(edge.columns[edge.beside_text], OUTER_PERCENTILE) for edge in found])
     for k in np.argsort(-places):
         beyond = margin.text[:, 0] < found[k].at(margin.text[:, 1])
-        further = np.unique(np.floor((places[k] - places) / p.stack_step_px))
-        if (
-            not beyond.any()
-            or (further > 0).sum() >= p.stack_edges
-            or found[k].ground_differs(p.ground_contrast, p.ground_share)
-        ):
+        further = np.unique(np.floor((places[k] - places) / STACK_STEP_PX))
+        if not beyond.any() or (further > 0).sum() >= STACK_EDGES or found[k].ground_differs(GROUND_CONTRAST):
             outer = [edge for edge, place in zip(found, places, strict=True) if place <= places[k]]
             return _Edge(float(places[k]), tuple(e.first for e in outer), tuple(e.last for e in outer))
     return None

@@ -8,7 +8,7 @@ from services.arrays import Floats, GrayImage, Mask, RgbImage
 from services.contract.cameras import CameraMemory
 from services.contract.rectify import RectifyParameters
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
-from services.geometry.page_frame import Frame, FramingParameters, resize_frame
+from services.geometry.page_frame import DETAIL_PERCENTILE, Frame, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.node_grid import MAX_REDUCTION, continuous_nodes, positive_between
@@ -165,7 +165,7 @@ def view_photo(
     nodes = photo_nodes(frame)
     shown = _shown(photo, frame, nodes)
     scales = _photo_px_per_flat_px(frame, shown)
-    reduction = float(np.percentile(scales, FramingParameters().detail_percentile))
+    reduction = float(np.percentile(scales, DETAIL_PERCENTILE))
     usual = float(np.median(scales))
     flat_height_px = text_height_px / usual
     gray: GrayImage = np.zeros((0, 0), np.uint8)

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.imaging.components import label_components
 from services.imaging.illumination import flatten_illumination
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import PRINT_PX, reduce_image
 
-_WORKING_LONG_SIDE_PX = 1200
-"""The reduced copy: ten-point print on A4 is 8 px high there."""
 _INK_CONTRAST = 0.11
 """Ink is darker than its surroundings by this share of white; faint gray print has about 0.3."""
 _SURROUNDINGS = 1 / 30
@@ -114,7 +112,7 @@ def detect_text_lines(gray: GrayImage) -> PageLines:
     gray : (H, W) uint8; print may be darker or lighter than its ground.
     """
 
-    factor = min(1.0, _WORKING_LONG_SIDE_PX / max(gray.shape))
+    factor = min(1.0, PRINT_PX / max(gray.shape))
     small = reduce_image(gray, factor)
     scale = (gray.shape[1] / small.shape[1], gray.shape[0] / small.shape[0])
     dark = PageLines(small, scale, inverted=False)

@@ -8,7 +8,7 @@ import numpy as np
 from services.arrays import RgbImage, Vector
 from services.contract.rectify import Origin, RectifyParameters
 from services.errors import NoText
-from services.geometry.focal_prior import FocalPrior
+from services.geometry.focal_prior import FOCAL, FocalPrior
 from services.geometry.photo_frame import PhotoFrame
 from services.imaging.reduction import Halves
 from services.notices import Notice
@@ -28,16 +28,11 @@ ORIENTATION_UNKNOWN = "orientation-unknown"
 ONE_PAGE = Notice("one-page", "both pages were asked for, and the photo shows the text of one page.")
 
 
-@dataclass(frozen=True, slots=True)
-class SpreadParameters:
-    """How two pages share a camera. Deviations are of the focal length's logarithm."""
-
-    determined: float = 0.25
-    """A page that alone shows it more precisely determines that of the other page."""
-    least_deviation: float = 0.05
-    """Least deviation of a focal length that is taken over: a fit does not know the errors of its model."""
-    agreement: float = 0.03
-    """A page whose own focal length differs by more than this from the final one is fitted again."""
+# How two pages share a camera. Deviations are of the focal length's logarithm.
+LEAST_DEVIATION = 0.05
+"""Least deviation of a focal length that is taken over: a fit does not know the errors of its model."""
+AGREEMENT = 0.03
+"""A page whose own focal length differs by more than this from the final one is fitted again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +101,7 @@ def _shape_pages(
             prior = shared_prior(pages[-1], prior)
         for k, analysis in enumerate(analyses):
             off = abs(_log_focal(pages[k]) - prior.log_focal)
-            if prior.source == "estimated" and off > SpreadParameters().agreement:
+            if prior.source == "estimated" and off > AGREEMENT:
                 pages[k] = shape_page(analysis, view, prior, parameters.kind, clock)
     except NoText:
         return []
@@ -118,12 +113,11 @@ def shared_prior(page: ShapedPage, prior: FocalPrior) -> FocalPrior:
 
     The fitted value includes the prior already, so only their deviations are combined.
     """
-    p = SpreadParameters()
     deviation = page.shape.log_focal_deviation
-    if prior.source in ("given", "exif") or deviation >= p.determined:
+    if prior.source in ("given", "exif") or deviation >= FOCAL.seen_deviation:
         return prior
     joint = 1 / float(np.hypot(1 / deviation, 1 / prior.deviation))
-    return FocalPrior(_log_focal(page), max(joint, p.least_deviation), "estimated")
+    return FocalPrior(_log_focal(page), max(joint, LEAST_DEVIATION), "estimated")
 
 
 def _log_focal(page: ShapedPage) -> float:

@@ -35,7 +35,7 @@ from services.sheet.developable.residuals import BENDS
 from services.sheet.developable.surface import BendBasis, DevelopableSurface, bend_basis
 from services.sheet.developable.variation import TURN
 from services.sheet.evidence import PageEvidence
-from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page
+from services.sheet.framing import CurvedFrame, frame_curved_page
 from services.sheet.line_residual import morph_to_lines
 from services.sheet.shape import EXIF_CONTRADICTED, NoShape, ShapeSource
 from services.sheet.sheet_edges import measure_sides
@@ -131,8 +131,7 @@ class CurvedPage:
         self, view: PhotoFrame, points: Points, text_height_px: float, paper: Points | None, crop: Crop
     ) -> CurvedFrame:
         """See `PageShape`."""
-        framing = CURVED_TEXT_FRAMING if crop == "text" else None
-        return frame_curved_page(self.page_map, view, points, text_height_px, paper, framing)
+        return frame_curved_page(self.page_map, view, points, text_height_px, paper, only_text=crop == "text")
 
 
 def describe_strips(

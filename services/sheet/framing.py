@@ -6,31 +6,23 @@ import numpy as np
 
 from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import scaling, transform_points, translation
-from services.geometry.page_frame import FramingParameters, within_bounds
+from services.geometry.page_frame import DETAIL_PERCENTILE, PAPER_MARGIN, TEXT_MARGIN, within_bounds
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.sheet.ridged.mesh import SheetMesh
 from services.texture_flow.text_identification import FEWEST_CHARACTERS
 
-
-@dataclass(frozen=True, slots=True)
-class CurvedFramingParameters:
-    """How far the view extends beyond the text, where the surface is extrapolated."""
-
-    reach: float = 0.3
-    """Extent beyond the text in widths of the text, if the edge of the paper is not seen."""
-    sheet_reach: float = 0.6
-    """Extent if the edge is seen."""
-    max_stretch: float = 4.0
-    """Enlargement in the margins over that of the text, up or down; parts that are stretched more are left out."""
-    most_unknown: float = 0.1
-    """Share of a border inside of the sheet's edge that the map may not know: the sheet's corners, beyond the text."""
-    steps: int = 12
-    """Steps in which the view shrinks to the text if the margins are not plausible."""
-
-
-CURVED_TEXT_FRAMING = CurvedFramingParameters(reach=0.0)
-"""For a view of the text with its margins only."""
+# How far the view extends beyond the text, where the surface is extrapolated.
+REACH = 0.3
+"""Extent beyond the text in widths of the text, if the edge of the paper is not seen."""
+SHEET_REACH = 0.6
+"""Extent if the edge is seen."""
+MAX_STRETCH = 4.0
+"""Enlargement in the margins over that of the text, up or down; parts that are stretched more are left out."""
+MOST_UNKNOWN = 0.1
+"""Share of a border inside of the sheet's edge that the map may not know: the sheet's corners, beyond the text."""
+STEPS = 12
+"""Steps in which the view shrinks to the text if the margins are not plausible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,14 +60,14 @@ def frame_curved_page(
     text_points: Points,
     text_height_px: float,
     paper: Points | None,
-    parameters: CurvedFramingParameters | None = None,
-    framing: FramingParameters | None = None,
+    *,
+    only_text: bool = False,
 ) -> CurvedFrame:
     """View of the whole sheet, or, without an outline, of the part of the photo that is near the text.
 
     `text_points` (N, 2) are centres of characters in photo pixels; `paper` is the sheet's outline if it was found.
+    A view of `only_text` has its margins alone.
     """
-    f, p = framing or FramingParameters(), parameters or CurvedFramingParameters()
     characters = view.to_centred(text_points)
     text = page_map.to_page(characters)
     # Photo pixels per page unit at the text.
@@ -83,24 +75,26 @@ def frame_curved_page(
         scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(page_map.jacobians(characters))))
     good = np.isfinite(text).all(axis=1) & np.isfinite(scale)
     text, scale = text[good], scale[good]
-    resolution, usual = float(np.percentile(scale, f.detail_percentile)), float(np.median(scale))
-    margin = f.text_margin * text_height_px / usual
+    resolution, usual = float(np.percentile(scale, DETAIL_PERCENTILE)), float(np.median(scale))
+    margin = TEXT_MARGIN * text_height_px / usual
     core = np.stack([text.min(axis=0) - margin, text.max(axis=0) + margin])
-    reach = (p.reach if paper is None else p.sheet_reach) * float((core[1] - core[0]).max())
-    outer = np.stack([core[0] - reach, core[1] + reach])
+    beyond = (0.0 if only_text else REACH if paper is None else SHEET_REACH) * float(
+        (core[1] - core[0]).max()
+    )
+    outer = np.stack([core[0] - beyond, core[1] + beyond])
     seen = _visible(page_map, view, outer)
     if paper is not None:
         sheet = page_map.to_page(view.to_centred(paper))
         inside = ((sheet >= outer[0]) & (sheet <= outer[1])).all(axis=1)
         if inside.any():
-            rim = f.paper_margin * float((core[1] - core[0]).max())
+            rim = PAPER_MARGIN * float((core[1] - core[0]).max())
             seen[0] = np.maximum(seen[0], sheet[inside].min(axis=0) - rim)
             seen[1] = np.minimum(seen[1], sheet[inside].max(axis=0) + rim)
     box = np.stack([np.minimum(core[0], seen[0]), np.maximum(core[1], seen[1])])
-    most_unknown = 0.0 if paper is None else p.most_unknown
-    box = _believable(page_map, view, core, box, usual, p, most_unknown)
+    most_unknown = 0.0 if paper is None else MOST_UNKNOWN
+    box = _believable(page_map, view, core, box, usual, most_unknown)
     extent = box[1] - box[0]
-    resolution = within_bounds(resolution, (extent[0], extent[1]), view.width * view.height, f)
+    resolution = within_bounds(resolution, (extent[0], extent[1]), view.width * view.height)
     width, height = (max(round(v * resolution), 1) for v in extent)
     low = (float(box[0, 0]), float(box[0, 1]))
     H_page_flat = translation(*low) @ scaling(1 / resolution) @ translation(0.5, 0.5)
@@ -113,15 +107,14 @@ def frame_mesh(mesh: SheetMesh, page_map: PageMap, view: PhotoFrame, text_points
     `text_points` (N, 2) are centres of characters in photo pixels; with few, the resolution is that of the
     whole sheet.
     """
-    f = FramingParameters()
     points = view.to_centred(text_points)
     if len(points) < FEWEST_CHARACTERS:
         points = mesh.project(mesh.nodes.reshape(-1, 3))
     with np.errstate(invalid="ignore"):
         scale = view.unit_px / np.sqrt(np.abs(np.linalg.det(mesh.jacobians(points))))
-    resolution = float(np.nanpercentile(scale, f.detail_percentile))
+    resolution = float(np.nanpercentile(scale, DETAIL_PERCENTILE))
     width, height = mesh.size
-    resolution = within_bounds(resolution, (width, height), view.width * view.height, f)
+    resolution = within_bounds(resolution, (width, height), view.width * view.height)
     size = max(round(width * resolution), 1), max(round(height * resolution), 1)
     H_page_flat = translation(*mesh.origin) @ scaling(1 / resolution) @ translation(0.5, 0.5)
     return CurvedFrame(page_map, view, H_page_flat, *size)
@@ -152,19 +145,18 @@ def _believable(
     core: Floats,
     box: Floats,
     usual: float,
-    p: CurvedFramingParameters,
     most_unknown: float,
 ) -> Floats:
     """The greatest box between `core` and `box` at whose border the map neither folds nor stretches too much.
 
     Each side shrinks independently to where the map from page to photo keeps its orientation and its scale within
-    `max_stretch` of the text's. It need not know a share of `most_unknown` of the border.
+    `MAX_STRETCH` of the text's. It need not know a share of `most_unknown` of the border.
     """
     box = box.copy()
     for side in (0, 1):
         for axis in (0, 1):
-            for step in range(p.steps + 1):
-                share = 1 - step / p.steps
+            for step in range(STEPS + 1):
+                share = 1 - step / STEPS
                 at = core[side, axis] + share * (box[side, axis] - core[side, axis])
                 along = np.linspace(core[0, 1 - axis], core[1, 1 - axis], 40)
                 rim = np.empty((40, 2))
@@ -175,7 +167,7 @@ def _believable(
                 det = du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]
                 scale = view.unit_px * np.sqrt(np.maximum(det, 0.0)) / usual
                 known = np.isfinite(det)
-                plausible = (scale > 1 / p.max_stretch) & (scale < p.max_stretch)
+                plausible = (scale > 1 / MAX_STRETCH) & (scale < MAX_STRETCH)
                 if plausible[known].all() and known.mean() >= 1 - most_unknown:
                     break
             box[side, axis] = at

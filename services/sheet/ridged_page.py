@@ -13,9 +13,9 @@ from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
 from services.sheet.developable.observations import NO_LINES, LineObservations
-from services.sheet.framing import CURVED_TEXT_FRAMING, CurvedFrame, frame_curved_page, frame_mesh
+from services.sheet.framing import CurvedFrame, frame_curved_page, frame_mesh
 from services.sheet.line_residual import ResidualParameters, morph_to_lines
-from services.sheet.outline.results import LEAST_POINTS, SheetOutline
+from services.sheet.outline.results import CORNER_BEYOND, LEAST_POINTS, LEAST_SEEN, SheetOutline
 from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.fitting import FittedMesh, fit_mesh
 from services.sheet.ridged.mesh import SheetMesh
@@ -54,12 +54,8 @@ ROUNDS = 4
 """Most fits, each on lines traced again; the last ones only while lines are not straight and still improve."""
 IMPROVEMENT = 0.85
 """Share of the straightness before, above which another round gains nothing."""
-MIN_SEEN = 0.35
-"""Share of each side that is seen."""
 END = 0.15
 """Share of a side's points, nearest to a corner that is not seen, whose line leads to it."""
-BEYOND = 0.3
-"""A corner that is not seen lies at most this far, in sizes of the sheet, outside of what is."""
 MAX_SKEW_RAD = float(np.deg2rad(4.0))
 """Largest skew of the print; above it the sides of the sheet show nothing of the lines' directions."""
 MAX_STRETCH = 0.02
@@ -128,15 +124,14 @@ class RidgedPage:
         """See `PageShape`."""
         if crop == "sheet":
             return frame_mesh(self.mesh, self.page_map, view, points)
-        framing = CURVED_TEXT_FRAMING if crop == "text" else None
-        return frame_curved_page(self.page_map, view, points, text_height_px, None, framing)
+        return frame_curved_page(self.page_map, view, points, text_height_px, None, only_text=crop == "text")
 
 
 def complete_corners(outline: SheetOutline) -> Points | None:
     """The outline's corners (4, 2); one that is not seen is where its two sides meet. None if they do not."""
     corners = outline.corners.copy()
     low, high = outline.polygon.min(axis=0), outline.polygon.max(axis=0)
-    reach = BEYOND * float((high - low).max())
+    reach = CORNER_BEYOND * float((high - low).max())
     for k in np.flatnonzero(~np.isfinite(corners).all(axis=1)):
         before, after = outline.sides[k - 1].points, outline.sides[k].points
         if min(len(before), len(after)) < LEAST_POINTS:
@@ -224,7 +219,7 @@ def estimate_ridged_page(
     whole = complete_corners(outline)
     if whole is None:
         return NoShape("the sheet's outline is not seen clearly")
-    if min(side.seen for side in outline.sides) < MIN_SEEN:
+    if min(side.seen for side in outline.sides) < LEAST_SEEN:
         return NoShape("a side of the sheet is not seen")
     corners, order = turn_outline(whole, direction_rad)
     sides = tuple(

@@ -143,12 +143,12 @@ def _strong_edges(
         at = np.flatnonzero((strength > least) & within)
         found.append(_Edges(at + rows.start * gray.shape[1], gx[at], gy[at], strength[at]))
         if least == EDGE_FLOOR and likely_share * passed > ENOUGH_SHARE * area.size:
-            least = max(EDGE_FLOOR, likely_share * _strong_gradient(sampled, p))
-    strong = _strong_gradient(sampled, p)
+            least = max(EDGE_FLOOR, likely_share * _strong_gradient(sampled))
+    strong = _strong_gradient(sampled)
     return (None if least > max(strong, EDGE_FLOOR) else found), strong
 
 
-def _strong_gradient(sampled: list[NDArray[np.float32]], p: MinorFlowParameters) -> float:
+def _strong_gradient(sampled: list[NDArray[np.float32]]) -> float:
     """Least gradient of a strong edge among samples (E,) of several bands."""
     strengths = np.concatenate(sampled)
     return EDGE_SHARE * float(np.percentile(strengths, 99)) if strengths.size else 0.0

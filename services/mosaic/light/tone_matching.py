@@ -12,13 +12,13 @@ from services.contract.rectify import Illumination
 from services.geometry.homographies import from_resized, to_resized
 from services.imaging.levels import (
     Levels,
-    NormalizationParameters,
     level_coefficients,
     measure_levels,
     neutral_gains,
 )
 from services.imaging.node_grid import node_grid, take_values
 from services.imaging.pictures import find_pictures, levels_beside_pictures
+from services.imaging.reduction import PRINT_PX
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.light.canvas import (
     CELL_PX,
@@ -301,7 +301,7 @@ def _gray_paper_view(photo: FlatPhoto, gain: FloatImage, measured: FloatImage) -
     Where the page's paper was not `measured` (rows, columns), as on a desk or a picture, the view is bare paper.
     """
     width, height = photo.size
-    factor = min(1.0, NormalizationParameters().working_long_side_px / max(width, height))
+    factor = min(1.0, PRINT_PX / max(width, height))
     size = (max(1, round(width * factor)), max(1, round(height * factor)))
     nodes, _ = node_grid(0, 0, *size)
     flat = to_resized(nodes, np.array([width / size[0], height / size[1]]))

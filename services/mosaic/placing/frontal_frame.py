@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Homography, Mask, Points, Vector
 from services.geometry.homographies import denominators, scaling, transform_points, translation
-from services.geometry.page_frame import FramingParameters
+from services.geometry.page_frame import LONGEST_SIDE_PX
 from services.mosaic.flat_photo import FlatPhoto, trust_by_error
 from services.robust import cauchy_weights, geman_mcclure_weights
 
@@ -108,7 +108,7 @@ def agree_on_frontal_frame(
     scale = min(
         scale,
         float(np.sqrt(min(MAX_PIXELS, MAX_GROWTH * photo_pixels) / (extent[0] * extent[1]))),
-        FramingParameters().longest_side_px / float(extent.max()),
+        LONGEST_SIDE_PX / float(extent.max()),
     )
     H = scaling(scale) @ translation(-float(low[0]), -float(low[1])) @ upright @ agreed.H_frontal_world
     # The tolerance keeps the last pixel centre despite rounding errors.

@@ -74,13 +74,13 @@ class OutlineSearch:
 
     def _seek(self, seen: FoundText | PageAnalysis | None) -> SheetOutline | None:
         if seen is None:
-            return find_outline(self._photo, None, None, self._parameters)
-        characters, height_px = seen.characters, seen.text_height_px
+            return find_outline(self._photo, None, self._parameters)
+        characters = seen.characters
         if seen.window is None:
-            return find_outline(self._photo, characters, height_px, self._parameters)
+            return find_outline(self._photo, characters, self._parameters)
         x0, y0, x1, y1 = (max(round(v), 0) for v in seen.window)
         part = self._photo.image[y0:y1, x0:x1]
-        outline = find_outline(part, characters - (x0, y0), height_px, self._parameters)
+        outline = find_outline(part, characters - (x0, y0), self._parameters)
         return None if outline is None else outline.moved(x0, y0)
 
     def _seek_and_read(self, seen: FoundText) -> _Seen:

@@ -55,7 +55,6 @@ FEW_ON_DESK = 0.1
 """Neither is a smaller share that does not lie on paper like the main page's."""
 FEW_CONTRAST = 0.3
 """Few characters are left out when the ground beyond the edge differs by this from the paper before it."""
-CONTRAST_SHARE = 0.8
 CUT_CONTRAST = 0.1
 """Least contrast of an edge, if the text beyond it is cut off by the end of the photo."""
 JUMP_RAD = float(np.deg2rad(8.0))
@@ -199,7 +198,7 @@ def _divide(candidates: Chosen, divides: list[_Divide], text: _Text, paper: Pape
             continue
         on_paper = float(paper.holds(text.characters[other], SAME_PAPER).mean()) >= SAME_PAPER_SHARE
         is_few = other.sum() <= (FEW if on_paper else FEW_ON_DESK) * len(candidates)
-        if is_few and divides[k].edge.ground_differs(FEW_CONTRAST, CONTRAST_SHARE):
+        if is_few and divides[k].edge.ground_differs(FEW_CONTRAST):
             kept &= ~other
         elif not is_few and _is_another_page(divides[k], other, text):
             kept &= ~other
@@ -338,4 +337,4 @@ def _is_another_page(divide: _Divide, other: Chosen, text: _Text) -> bool:
     if jump > JUMP_RAD:
         return True
     cut_off = _at_end_of_photo(other, text) > CUT_SHARE
-    return cut_off and divide.edge.ground_differs(CUT_CONTRAST, CONTRAST_SHARE)
+    return cut_off and divide.edge.ground_differs(CUT_CONTRAST)

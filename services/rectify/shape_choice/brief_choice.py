@@ -38,7 +38,7 @@ from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import OutlinePlane, read_sides
 from services.sheet.plane.planarity import apparent_kind
-from services.sheet.plane.pose import PoseParameters, choose_pose, start_plane
+from services.sheet.plane.pose import choose_pose, start_plane
 from services.sheet.ridged.cylinder_start import cylinder_between_sides
 from services.sheet.ridged.start import mesh_between_sides
 from services.sheet.ridged_page import RidgedPage, sides_bend, turn_outline
@@ -53,7 +53,6 @@ EVALUATIONS = 20
 LEAST_GAIN = 1e-2
 """The fit ends when a step lowers the cost by a smaller share: a third of the time, and the mesh is as near."""
 
-POSE = PoseParameters(rounds=1)
 SEEMS_CURVED = Notice(
     "curved-page",
     "the page seems curved; a preview shows its best planar view, and the whole work may flatten it better.",
@@ -83,7 +82,7 @@ def sheet_between_sides(
     if sheet is None or sheet.plane is None:
         return None
     plane = sheet.plane
-    if _runs_down(plane, sheet.view, direction):
+    if _runs_down(plane, direction):
         # Lines of text run along the sides that the photo shows as left and right.
         turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         plane = replace(plane, plane=replace(plane.plane, rotation=plane.plane.rotation @ turn))
@@ -91,7 +90,7 @@ def sheet_between_sides(
     return ShapedPage(sheet.view, flat, flat.notices, outline)
 
 
-def _runs_down(plane: OutlinePlane, view: PhotoFrame, direction_rad: float) -> bool:
+def _runs_down(plane: OutlinePlane, direction_rad: float) -> bool:
     """Whether a line of this direction, in the middle of the photo, is nearer to the plane's y axis than to x."""
     H = plane.plane.H_centred_plane
     middle = np.linalg.inv(H) @ np.array([0.0, 0.0, 1.0])
@@ -121,10 +120,10 @@ def brief_shape(evidence: PageEvidence, prior: FocalPrior, kind: PageKind) -> Pa
     """The shape by the text's directions: a plane, or a bent sheet where a short fit explains them better."""
     seems = apparent_kind(evidence, kind)
     if seems == "curved":
-        bent = bend_quickly(evidence, prior, PlaneMap(start_plane(evidence, prior, POSE).H_centred_plane))
+        bent = bend_quickly(evidence, prior, PlaneMap(start_plane(evidence, prior).H_centred_plane))
         if bent is not None:
             return bent
-    pose = choose_pose(evidence, prior, POSE)
+    pose = choose_pose(evidence, prior, rounds=1)
     return pose if seems == "planar" else replace(pose, notices=(SEEMS_CURVED, *pose.notices))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from services.contract.rectify import PageKind
 from services.geometry.focal_prior import FocalPrior
 from services.notices import Notice
-from services.rectify.shape_choice.hypotheses import FEW_LINES, Hypotheses
+from services.rectify.shape_choice.hypotheses import STRAIGHT_SIDE, Hypotheses
 from services.sheet.curved_page import CurvedPage
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
@@ -21,6 +21,7 @@ from services.sheet.plane.planarity import apparent_kind
 from services.sheet.ridged_page import RidgedPage
 from services.sheet.shape import PageShape
 from services.sheet.tracing.line_tracing import (
+    FEW_LINES,
     NO_WORSE,
     STRAIGHT,
     left_by_bends,
@@ -35,8 +36,6 @@ STRAIGHT_SIDES = 0.0002
 """RMS distance of the sides from straight ones, as a share of the sheet's size, up to which a sheet is smooth where its
 lines are straight: most smooth sheets leave 0.00002 to 0.0002, those folded in thirds 0.0002 to 0.0018, crumpled and
 crossed ones 0.0007 to 0.03."""
-FLAT_SIDES = 0.004
-"""The same, up to which a smooth sheet is believed against an outline that may be that of a stack of pages."""
 CURVED_GAIN = 0.7
 """A bent sheet must bring the deviation of lines or sides below this share of the plane's."""
 SMOOTH_SIDES = 0.001
@@ -98,8 +97,6 @@ def _is_flat(found: Hypotheses) -> bool:
     if found.bent_sides or (found.seems == "curved" and found.sheet is None):
         return False
     level = found.plane_lines.count == 0 or found.plane_straightness < STRAIGHT
-    if level and found.rigid and found.plane_by_sides and found.plane.line_count < FEW_LINES:
-        return True
     if found.rigid and found.plane_straightness >= STRAIGHT:
         # No fit is needed to see that a bent sheet would not straighten them.
         level = left_by_bends(found.plane.page_map, found.plane_lines) > CURVED_GAIN
@@ -206,7 +203,8 @@ def _explains_more(smooth: CurvedPage, found: Hypotheses) -> bool:
         return True
     sides = found.sides_of(smooth.page_map) if found.bent_sides else np.nan
     clearly = sides < CURVED_GAIN * PLANE_SIDES * found.bend_of_sides
-    if sides < FLAT_SIDES and (clearly or sides < CURVED_GAIN * found.sides_of(found.plane.page_map)):
+    # The outline may be that of a stack of pages: a smooth sheet is believed against it where its sides are straight.
+    if sides < STRAIGHT_SIDE and (clearly or sides < CURVED_GAIN * found.sides_of(found.plane.page_map)):
         left = CURVED_GAIN * smooth.line_straightness
         # The plane's lines are traced only where it matters how straight they are.
         if not left > STRAIGHT or left <= found.plane_straightness:

@@ -23,17 +23,17 @@ from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.analysis.photo_border import HUGGING
 from services.rectify.analysis.slanted_print import without_slanted_print
-from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, is_level_in_view
 from services.sheet.evidence import PageEvidence
-from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, WHOLE_SIDE, SheetOutline
 from services.sheet.plane.departure import Departure, Measured, measure_departure, perspective_by_flow
 from services.sheet.plane.flat_photo import PhotoAsPage
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.pose import level_plane
 from services.sheet.ridged_page import sides_bend
 from services.sheet.tracing.level_rows import shows_print
+from services.sheet.tracing.line_tracing import FEW_LINES
 from services.sheet.tracing.page_lines import with_rules
 from services.texture_flow.text_identification import detect_ink
 
@@ -50,11 +50,9 @@ VISIBLE_TURN_RAD = float(np.deg2rad(0.5))
 MOST_TURN_RAD = float(np.deg2rad(15.0))
 """Of a page that fills its picture; print that is turned by more is slanted on its page."""
 WHOLE_CONFIDENCE = 0.7
-"""... or this one, where all of its sides were seen nearly from end to end, ..."""
-WHOLE_SIDE = 0.9
-"""... by this share: gently bent sheets on a desk have 0.79 to 0.86 and all of them. Of 54 scans and cropped pages 52
-have no outline, and those of two lie along the photo's frame. Of a sheet that goes on beyond the photo, whose other
-sides are seen so far, a believed outline is enough."""
+"""... or this one, where all of its sides were seen nearly from end to end: gently bent sheets on a desk have 0.79 to
+0.86 and all of them. Of 54 scans and cropped pages 52 have no outline, and those of two lie along the photo's frame. Of
+a sheet that goes on beyond the photo, whose other sides are seen so far, a believed outline is enough."""
 
 BENT_RIM = 0.01
 """RMS bend of a sheet's side, as a share of its size, from which on it is seen at the frame, too: cropped pages and

@@ -20,12 +20,10 @@ from services.sheet.plane.pose import ASLANT_RAD, EDGES_BELIEVED, choose_pose
 from services.sheet.ridged_page import RidgedPage, estimate_ridged_page, mean_bend, sides_bend
 from services.sheet.shape import NoShape, PageShape
 from services.sheet.sheet_edges import measure_sides, read_edges
-from services.sheet.tracing.line_tracing import measure_straightness
+from services.sheet.tracing.line_tracing import FEW_LINES, measure_straightness
 from services.sheet.tracing.page_lines import trace_lines, with_rules
 from services.sheet.tracing.profile_tracing import trace_by_profiles
 
-FEW_LINES = 10
-"""Fewer lines show little of a page's shape."""
 STRAIGHT_SIDE = 0.003
 """RMS bend of a sheet's side, as a share of its size, up to which it counts as straight."""
 

@@ -33,7 +33,6 @@ from services.sheet.plane.flat_lines import rescale_deviations as rescale_line_d
 from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import (
-    PoseParameters,
     is_plausible,
     level_plane,
     refine_pose,
@@ -278,11 +277,11 @@ def _sheet_fitting(e: PageEvidence, prior: FocalPrior, page: CurvedPage) -> _Fit
 
 def _plane_fitting(e: PageEvidence, prior: FocalPrior) -> _Fitting:
     """Fits of the plane to flows and text lines, as these are traced where the focal length is free."""
-    pose, typical = PoseParameters(), typical_focal_prior()
+    typical = typical_focal_prior()
     start = estimate_plane(e.vanishing_points, typical)
-    if not is_plausible(start, e.characters, pose):
+    if not is_plausible(start, e.characters):
         start = level_plane(e.major, typical)
-    traced, _ = refine_pose(e, typical, start, pose)
+    traced, _ = refine_pose(e, typical, start)
     parameters = rescale_line_deviations(for_text(e.text.height_px), traced.scales)
     flat = flatten_text(e.text, e.view, traced.plane)
     lines = observe_lines(flat.baselines, flat.H_centred_flat, parameters)

@@ -5,22 +5,14 @@ import numpy as np
 from services.arrays import Mask
 from services.errors import NoText
 from services.rectify.analysis.page_analysis import PICTURE_SHARE, PageAnalysis
-from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.sheet.evidence import PageEvidence
 from services.sheet.outline.results import SheetOutline
 from services.sheet.shape import PageShape
 from services.sheet.tracing.level_rows import shows_print
-from services.sheet.tracing.line_tracing import flatten_ink
+from services.sheet.tracing.line_tracing import FEW_LINES, flatten_ink
 
 SHEET_CONFIDENCE = 0.9
 """Confidence of an outline from which on there is a sheet, whatever is on it."""
-CLEAR_SHARE = 0.3
-"""Of the characters, at `CHARACTERS_PER_LINE` of them in each traced line: more are text without a closer look."""
-CHARACTERS_PER_LINE = 10
-PAPER_SHARE = 0.4
-"""Of the photo, at least, is like the paper of such a page: tiles are on all kinds of ground."""
-CLEAR_INK = 0.5
-"""Share of the ink, at most, that is no text on such a page."""
 
 
 class LinesAcross(NoText):
@@ -54,11 +46,6 @@ def check_text(
             "Send region, a polygon round the text, if there is some."
         )
     if shape.ends_at_sides or is_sheet:
-        return
-    lines = shape.line_count
-    clear = lines >= FEW_LINES and analysis.text.rejected_fraction <= CLEAR_INK
-    clear &= CHARACTERS_PER_LINE * lines >= CLEAR_SHARE * len(analysis.characters)
-    if clear and analysis.paper.share >= PAPER_SHARE:
         return
     ink = _ink_in_view(evidence, shape)
     if shows_print(ink):

@@ -14,7 +14,6 @@ from services.arrays import Points, Vector
 from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
 from services.notices import Notice
-from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.correction import (
     Demand,
@@ -28,8 +27,8 @@ from services.rectify.view.print_kept import SCALE_POINTS
 from services.sheet.developable.observations import FLOW_OVERLAP, STROKE_OVERLAP, LineObservations
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, LEAST_POINTS, SheetOutline, SheetSide
 from services.sheet.shape import PageShape
-from services.sheet.tracing.line_tracing import trace_by_characters
-from services.sheet.tracing.profile_tracing import trace_by_profiles
+from services.sheet.tracing.line_tracing import FEW_LINES, KEPT_SHARE, trace_by_characters
+from services.sheet.tracing.profile_tracing import DEVIATION, trace_by_profiles
 from services.texture_flow.field import FlowSamples
 
 FLOOR_PERCENT = 0.10
@@ -40,46 +39,39 @@ LINES_GAIN = 2.5
 """... and by what some points of text lines leave from level ones beyond the scatter of most: a smooth field takes the
 kinks of folded paper for strays. Of 243 views of simulated sheets any gain from 1 to 4 judges none otherwise; by this
 one the errors agree best."""
-USUAL_SHARE = 0.9
-"""Share of the points of lines whose scatter is that of print: the others may lie beyond a kink, ..."""
 MOST_OF_NORMAL = 0.79
-"""... and RMS of that share of a normal distribution, in its deviations."""
+"""RMS of `KEPT_SHARE` of a normal distribution, in its deviations: the other points may lie beyond a kink."""
 NOT_FLAT_PERCENT = 0.45
 """What a view may show of its error and still count as flat. Of 215 views of 57 simulated sheets, right and wrong on
 purpose, 92 % of those that are off by more than 1 % show more, and none of 112 within 0.3 %. What is missed are mostly
 wrong proportions by a wrong focal length, which no view shows."""
 
 
-@dataclass(frozen=True, slots=True)
-class FlatnessParameters:
-    """Deviations of what a flat view shows. Lengths are in text heights, but those of sides in widths of the view."""
-
-    line: float = 0.05
-    """Of a point of a traced line: letters differ by design."""
-    gap: float = 1.7
-    """Steps between the points of a line at which it ends: beyond a gutter the next line is another one, ..."""
-    jump: float = 0.35
-    """... as it is after a step up or down by this."""
-    spacing: float = 0.05
-    """Of the distance from line to line."""
-    fewest_spaces: int = 3
-    margin: float = 0.6
-    fewest_ends: int = 4
-    direction_rad: float = float(np.deg2rad(1.2))
-    """Of a sample of the lines' directions."""
-    stroke_rad: float = float(np.deg2rad(1.0))
-    most_lean_rad: float = float(np.deg2rad(12.0))
-    """Of a sample: what leans more in a view that is nearly flat is no stroke, and no line."""
-    side: float = 0.0015
-    """Of a side's points from its line, ..."""
-    shared_side: float = 12.0
-    """... on as many independent ones."""
-    fewest_fitted: int = 3
-    """Sides, of which one that contradicts the others is doubted."""
-    most_points: int = 1000
-    """Of the lines, ..."""
-    most_samples: int = 300
-    """... and of each flow: more take time and tell little more. They are left out evenly."""
+# Deviations of what a flat view shows. Lengths are in text heights, but those of sides in widths of the view.
+GAP = 1.7
+"""Steps between the points of a line at which it ends: beyond a gutter the next line is another one, ..."""
+JUMP = 0.35
+"""... as it is after a step up or down by this."""
+SPACING = 0.05
+"""Of the distance from line to line."""
+FEWEST_SPACES = 3
+MARGIN = 0.6
+FEWEST_ENDS = 4
+DIRECTION_RAD = float(np.deg2rad(1.2))
+"""Of a sample of the lines' directions."""
+STROKE_RAD = float(np.deg2rad(1.0))
+MOST_LEAN_RAD = float(np.deg2rad(12.0))
+"""Of a sample: what leans more in a view that is nearly flat is no stroke, and no line."""
+SIDE = 0.0015
+"""Of a side's points from its line, ..."""
+SHARED_SIDE = 12.0
+"""... on as many independent ones."""
+FEWEST_FITTED = 3
+"""Sides, of which one that contradicts the others is doubted."""
+MOST_POINTS = 1000
+"""Of the lines, ..."""
+MOST_SAMPLES = 300
+"""... and of each flow: more take time and tell little more. They are left out evenly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +113,7 @@ def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
     """
     if page.departure is not None:
         return Flatness(None, 100 * page.departure)
-    p, field = FlatnessParameters(), SmoothField(frame.width, frame.height)
+    field = SmoothField(frame.width, frame.height)
     demands: list[Demand] = []
     straightness: float | None = None
     lines_percent = 0.0
@@ -131,18 +123,18 @@ def measure_flatness(page: ShapedPage, frame: Frame) -> Flatness | None:
         trace = trace_by_characters if page.shape.ends_at_sides else trace_by_profiles
         lines = trace(evidence.text, page.view, page.shape.page_map)
         if lines.count:
-            text = _text_lines(lines, page.view, frame, p)
+            text = _text_lines(lines, page.view, frame)
             straightness = text.straightness()
-            lines_percent = 100 / frame.width * text.unevenness_px(p.line)
-            demands += [_level(text, field, p), *_even_spacing(lines, text, field, p)]
-            demands += _flush_margins(lines, page.view, frame, text.height_px, field, p)
-        demands.append(_along_lines(evidence.major, page.view, frame, field, p))
+            lines_percent = 100 / frame.width * text.unevenness_px(DEVIATION)
+            demands += [_level(text, field), *_even_spacing(lines, text, field)]
+            demands += _flush_margins(lines, page.view, frame, text.height_px, field)
+        demands.append(_along_lines(evidence.major, page.view, frame, field))
         if evidence.strokes is not None:
-            demands.append(_upright_strokes(evidence.strokes, page.view, frame, field, p))
+            demands.append(_upright_strokes(evidence.strokes, page.view, frame, field))
     sides = _seen_sides(page.outline, frame)
     if sides and page.outline is not None:
-        doubts = _doubts(sides, page.shape, frame, p)
-        demands += [_straight_side(side, field, k * p.side, p) for side, k in zip(sides, doubts, strict=True)]
+        doubts = _doubts(sides, page.shape, frame)
+        demands += [_straight_side(side, field, k * SIDE) for side, k in zip(sides, doubts, strict=True)]
     if straightness is None and not sides:
         return None
     proportions = _shift_by_proportions(page.shape.log_aspect_deviation, frame)
@@ -172,7 +164,7 @@ class _TextLines:
     def straightness(self) -> float:
         """RMS distance of the points from level pieces, in text heights, the worst tenth left out."""
         rest = np.sort(np.abs(self._rest()))
-        return float(np.sqrt(np.mean(rest[: max(int(USUAL_SHARE * len(rest)), 1)] ** 2))) / self.height_px
+        return float(np.sqrt(np.mean(rest[: max(int(KEPT_SHARE * len(rest)), 1)] ** 2))) / self.height_px
 
     def unevenness_px(self, deviation: float) -> float:
         """RMS distance of all points from level pieces, beyond what the scatter of most explains.
@@ -186,7 +178,7 @@ class _TextLines:
         return np.asarray(without_means(self.pixels[:, 1:], self.piece)[:, 0])
 
 
-def _text_lines(lines: LineObservations, view: PhotoFrame, frame: Frame, p: FlatnessParameters) -> _TextLines:
+def _text_lines(lines: LineObservations, view: PhotoFrame, frame: Frame) -> _TextLines:
     """The traced lines in pixels of the view, in pieces that are those of one line for certain."""
     seen = view.to_photo(lines.points)
     pixels = frame.to_flat(seen)
@@ -201,7 +193,7 @@ def _text_lines(lines: LineObservations, view: PhotoFrame, frame: Frame, p: Flat
     if same.any():
         usual = float(np.median(step[same, 0]))
         slope = float(np.median(step[same, 1] / np.maximum(step[same, 0], 1e-6)))
-    ends = ~same | (step[:, 0] > p.gap * usual) | (np.abs(step[:, 1] - slope * step[:, 0]) > p.jump * height)
+    ends = ~same | (step[:, 0] > GAP * usual) | (np.abs(step[:, 1] - slope * step[:, 0]) > JUMP * height)
     piece = np.concatenate([[0], np.cumsum(ends)]) if len(line) else line
     return _TextLines(pixels, line, piece, height)
 
@@ -212,21 +204,19 @@ def _growth(photo: Points, frame: Frame) -> Vector:
     return np.asarray(np.linalg.norm(frame.to_flat(photo + half) - frame.to_flat(photo - half), axis=1))
 
 
-def _level(text: _TextLines, field: SmoothField, p: FlatnessParameters) -> Demand:
+def _level(text: _TextLines, field: SmoothField) -> Demand:
     """Every piece of a line has one height."""
-    thin = max(-(-len(text.piece) // p.most_points), 1)
+    thin = max(-(-len(text.piece) // MOST_POINTS), 1)
     pixels, piece = text.pixels[::thin], np.unique(text.piece[::thin], return_inverse=True)[1]
     y = pixels[:, 1:]
     level = y - without_means(y, piece)
     # At the line's height, not at the point's: the error of a point must not be in both sides of its equation.
     terms = without_means(field.values(np.column_stack([pixels[:, 0], level])), piece)
-    deviation = p.line * text.height_px / field.width / np.sqrt(thin)
+    deviation = DEVIATION * text.height_px / field.width / np.sqrt(thin)
     return demand((level - y)[:, 0] / field.width, deviation, y=terms)
 
 
-def _even_spacing(
-    lines: LineObservations, text: _TextLines, field: SmoothField, p: FlatnessParameters
-) -> list[Demand]:
+def _even_spacing(lines: LineObservations, text: _TextLines, field: SmoothField) -> list[Demand]:
     """The lines of a paragraph, and of paragraphs alike, are equally far apart."""
     count = np.bincount(text.line, minlength=lines.count)
     values = np.column_stack([text.pixels[:, 1] / field.width, field.values(text.pixels)])
@@ -239,13 +229,13 @@ def _even_spacing(
         rows = [lines.runs[k].lines[count[lines.runs[k].lines] > 1] for k in group]
         orders = [lines.runs[k].order[count[lines.runs[k].lines] > 1] for k in group]
         steps = np.concatenate([np.diff(order) for order in orders])
-        if len(steps) < p.fewest_spaces:
+        if len(steps) < FEWEST_SPACES:
             continue
         apart = np.concatenate([np.diff(means[row], axis=0) for row in rows])
         apart[:, 0] -= float(np.median(apart[:, 0] / steps)) * steps
         # The common spacing is free.
         free = apart - np.outer(steps, steps @ apart / (steps @ steps))
-        found.append(demand(-free[:, 0], p.spacing * text.height_px / field.width, y=free[:, 1:]))
+        found.append(demand(-free[:, 0], SPACING * text.height_px / field.width, y=free[:, 1:]))
     return found
 
 
@@ -255,50 +245,43 @@ def _flush_margins(
     frame: Frame,
     height_px: float,
     field: SmoothField,
-    p: FlatnessParameters,
 ) -> list[Demand]:
     """Ends of lines that are flush lie at one place."""
     found = []
     for ends in lines.margins:
         pixels = frame.to_flat(view.to_photo(ends))
         pixels = pixels[finite(pixels)]
-        if len(pixels) >= p.fewest_ends:
+        if len(pixels) >= FEWEST_ENDS:
             together = np.zeros(len(pixels), np.intp)
             x = without_means(pixels[:, :1], together)[:, 0] / field.width
             terms = without_means(field.values(pixels), together)
-            found.append(demand(-x, p.margin * height_px / field.width, x=terms))
+            found.append(demand(-x, MARGIN * height_px / field.width, x=terms))
     return found
 
 
-def _along_lines(
-    major: FlowSamples, view: PhotoFrame, frame: Frame, field: SmoothField, p: FlatnessParameters
-) -> Demand:
+def _along_lines(major: FlowSamples, view: PhotoFrame, frame: Frame, field: SmoothField) -> Demand:
     """Directions of text lines are level."""
-    pixels, way, weights = _directions(major, view, frame, p)
+    pixels, way, weights = _directions(major, view, frame)
     turn = np.arctan(way[:, 1] / way[:, 0])
-    near = np.abs(turn) < p.most_lean_rad
+    near = np.abs(turn) < MOST_LEAN_RAD
     pixels, turn, weights = pixels[near], turn[near], weights[near]
-    deviation = p.direction_rad * np.sqrt(FLOW_OVERLAP / weights)
+    deviation = DIRECTION_RAD * np.sqrt(FLOW_OVERLAP / weights)
     return demand(-turn, deviation, y=field.slopes(pixels)[0])
 
 
-def _upright_strokes(
-    strokes: FlowSamples, view: PhotoFrame, frame: Frame, field: SmoothField, p: FlatnessParameters
-) -> Demand:
+def _upright_strokes(strokes: FlowSamples, view: PhotoFrame, frame: Frame, field: SmoothField) -> Demand:
     """Strokes are upright, but for the slant of the type."""
-    pixels, way, weights = _directions(strokes, view, frame, p)
+    pixels, way, weights = _directions(strokes, view, frame)
     lean = np.arctan(way[:, 0] / way[:, 1])
-    near = np.abs(lean) < p.most_lean_rad
+    near = np.abs(lean) < MOST_LEAN_RAD
     pixels, lean, weights = pixels[near], lean[near], weights[near]
-    deviation = p.stroke_rad * np.sqrt(STROKE_OVERLAP / weights)
+    deviation = STROKE_RAD * np.sqrt(STROKE_OVERLAP / weights)
     return demand(-lean, deviation, x=field.slopes(pixels)[1], slant=-1.0)
 
 
-def _directions(
-    samples: FlowSamples, view: PhotoFrame, frame: Frame, p: FlatnessParameters
-) -> tuple[Points, Points, Vector]:
+def _directions(samples: FlowSamples, view: PhotoFrame, frame: Frame) -> tuple[Points, Points, Vector]:
     """Places (N, 2) of the samples in the view, their directions (N, 2) there, and their weights."""
-    thin = max(-(-len(samples) // p.most_samples), 1)
+    thin = max(-(-len(samples) // MOST_SAMPLES), 1)
     photo, angles = view.to_photo(samples.points[::thin]), samples.angles[::thin]
     step = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     before, after = frame.to_flat(photo - step), frame.to_flat(photo + step)
@@ -324,7 +307,7 @@ def _seen_sides(outline: SheetOutline | None, frame: Frame) -> list[_Side]:
     return [side for side in sides if side is not None]
 
 
-def _doubts(sides: list[_Side], shape: PageShape, frame: Frame, p: FlatnessParameters) -> Vector:
+def _doubts(sides: list[_Side], shape: PageShape, frame: Frame) -> Vector:
     """Factors (N,) of the sides' deviations.
 
     A smooth sheet was fitted to all sides and lines together. A side of it that is more bent than all others was
@@ -332,10 +315,10 @@ def _doubts(sides: list[_Side], shape: PageShape, frame: Frame, p: FlatnessParam
     """
     bends = np.array([side.bend_px for side in sides]) / frame.width
     fitted = shape.kind == "curved" and not shape.ends_at_sides and "outline" in shape.sources
-    if not fitted or len(sides) < p.fewest_fitted or shape.line_count < FEW_LINES:
+    if not fitted or len(sides) < FEWEST_FITTED or shape.line_count < FEW_LINES:
         return np.ones(len(sides))
     others = np.array([np.delete(bends, k).max() for k in range(len(sides))])
-    return np.asarray(np.maximum(bends / np.maximum(others, p.side), 1.0))
+    return np.asarray(np.maximum(bends / np.maximum(others, SIDE), 1.0))
 
 
 def _side_in_view(side: SheetSide, frame: Frame) -> _Side | None:
@@ -348,13 +331,13 @@ def _side_in_view(side: SheetSide, frame: Frame) -> _Side | None:
     return _Side(points, axis, float(spread[1]) / np.sqrt(len(points)))
 
 
-def _straight_side(side: _Side, field: SmoothField, deviation: float, p: FlatnessParameters) -> Demand:
+def _straight_side(side: _Side, field: SmoothField, deviation: float) -> Demand:
     """A side is straight, and at right angles to the others; all of them may be turned against the print."""
     together = np.zeros(len(side.points), np.intp)
     place = without_means(side.points, together) / field.width
     terms = without_means(field.values(side.points), together)
     turned = place[:, 1 - side.axis] * (1.0 if side.axis == 1 else -1.0)
-    shared = deviation * np.sqrt(max(len(side.points) / p.shared_side, 1.0))
+    shared = deviation * np.sqrt(max(len(side.points) / SHARED_SIDE, 1.0))
     x, y = (terms, None) if side.axis == 0 else (None, terms)
     return demand(-place[:, side.axis], shared, x=x, y=y, skew=-turned)
 

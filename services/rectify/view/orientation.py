@@ -28,8 +28,6 @@ from services.rectify.results import Orientation
 from services.rectify.view.drawing import draw_gray_view
 
 _TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
-READING_LONG_SIDE_PX = 1600
-"""Long side of the photo in which a few words are read, where its text was not found."""
 
 # When more lines are read, and when an orientation is accepted.
 #
@@ -193,7 +191,7 @@ class _PageDetection:
         if not self._asked:
             self._asked = True
             if isinstance(self._ocr, DirectionDetector):
-                factor = min(1.0, READING_LONG_SIDE_PX / max(self._flat.shape))
+                factor = min(1.0, AnalysisParameters().long_side_px / max(self._flat.shape))
                 self._found = self._ocr.detect_direction(
                     flatten_illumination(reduce_image(self._flat, factor))
                 )

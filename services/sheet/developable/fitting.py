@@ -141,7 +141,6 @@ def rescale_deviations(parameters: FittingParameters, fitted: FittedSurface) -> 
         line_factor=parameters.line_factor * max(1.0, fitted.line_scale),
         side_factor=parameters.side_factor * max(1.0, fitted.side_scale),
         spacing=parameters.spacing * spacing,
-        spacing_between=parameters.spacing_between * spacing,
     )
 
 
@@ -156,5 +155,4 @@ def shown_deviations(parameters: FittingParameters, fitted: FittedSurface) -> Fi
         parameters,
         major_factor=parameters.major_factor * major,
         spacing=parameters.spacing * spacing,
-        spacing_between=parameters.spacing_between * spacing,
     )

@@ -29,9 +29,8 @@ class ObservationParameters:
     """Flag serifs and round strokes make roman type appear slanted: by 0.14 to 0.18 degrees on ten sharp pages at
     seven angles, 0.25 to 0.4 blurred. One unknown slant with this prior accounts for it (and for a few italics)."""
     spacing: float = 0.012
-    """Deviation of a line's place over the spacing."""
-    spacing_between: float = 0.012
-    """Deviation of the logarithm of spacings of different paragraphs that are taken as equal."""
+    """Deviation of a line's place over the spacing, and of the logarithm of spacings of different paragraphs that are
+    taken as equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -204,7 +204,7 @@ class PrintResiduals:
             log, rate = np.array([logs[k] for k in group]), np.array([dlogs[k] for k in group])
             weight = np.array([len(self.lines.runs[k].lines) for k in group], float)
             # The spacing of a short paragraph is less certain: its own deviation is added to the common one.
-            deviation = np.hypot(p.spacing_between, p.spacing * np.sqrt(12.0) / weight**1.5)
+            deviation = np.hypot(p.spacing, p.spacing * np.sqrt(12.0) / weight**1.5)
             share = weight / weight.sum()
             values.append((log - share @ log) / deviation)
             slopes.append((rate - share @ rate) / deviation[:, None])

@@ -10,15 +10,12 @@ import cv2
 import numpy as np
 
 from services.arrays import Points, RgbImage
+from services.sheet.outline.beyond_photo import end_direction, room_to_border
 from services.sheet.outline.edges import EdgePoints, measure_sides
-from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
+from services.sheet.outline.results import BELIEVED_CONFIDENCE, WHOLE_SIDE, SheetOutline
 
-SEEN = 0.9
-"""Share of a side on which its edge is seen, of both outlines."""
 NARROWEST = 0.01
 """Of the diagonal: a band is wider, and nine tenths of a side that both outlines have lie nearer to the other one."""
-END_SHARE = 0.3
-"""Of a side: its end, whose direction it goes on in."""
 FARTHEST = 0.3
 """Of a side's length, by which it may go on."""
 GAP = 3
@@ -27,7 +24,9 @@ GAP = 3
 
 def is_seen_whole(outline: SheetOutline) -> bool:
     """Whether an outline is believed, and all of its four sides are seen."""
-    return outline.confidence >= BELIEVED_CONFIDENCE and min(side.seen for side in outline.sides) >= SEEN
+    return (
+        outline.confidence >= BELIEVED_CONFIDENCE and min(side.seen for side in outline.sides) >= WHOLE_SIDE
+    )
 
 
 def band_side(outer: Points, sides: Sequence[Points]) -> int | None:
@@ -72,15 +71,9 @@ def round_bands(
 
 def _way_on(points: Points, window: tuple[float, float, float, float]) -> Points:
     """Both ends (2, 2) of the line on which a side that is seen at `points` (N, 2) goes on within the `window`."""
-    last = points[-max(round(END_SHARE * len(points)), 2) :]
-    middle = last.mean(axis=0)
-    way = np.linalg.svd(last - middle, full_matrices=False)[2][0]
-    way = way if (last[-1] - last[0]) @ way > 0 else -way
+    middle, way = end_direction(points)
     start = middle + ((points[-1] - middle) @ way) * way
-    low, high = np.array(window[:2]), np.array(window[2:])
-    with np.errstate(divide="ignore"):
-        steps = np.where(way > 0, (high - start) / way, (low - start) / way)
-    room = max(float(steps[np.abs(way) > 1e-9].min()), 1.0)
+    room = max(room_to_border(start, way, window), 1.0)
     return np.stack(
         [start, start + min(FARTHEST * float(np.linalg.norm(points[-1] - points[0])), room) * way]
     )

@@ -91,15 +91,24 @@ def _goes_on(followed: dict[int, EdgePoints], sides: list[EdgePoints], between: 
 
 def _border_beyond(side: EdgePoints, window: tuple[float, float, float, float], at_end: bool) -> Points:
     """Where a side that goes straight on, `at_end` or before its start, meets the border of `window`."""
-    points = side.points[side.seen] if at_end else side.points[side.seen][::-1]
+    middle, way = end_direction(side.points[side.seen] if at_end else side.points[side.seen][::-1])
+    return np.asarray(middle + room_to_border(middle, way, window) * way)
+
+
+def end_direction(points: Points) -> tuple[Points, Points]:
+    """Middle (2,) of the last part of a side's `points` (N, 2), and the direction (2,) in which the side goes on."""
     last = points[-max(round(END_SHARE * len(points)), 2) :]
     middle = last.mean(axis=0)
     way = np.linalg.svd(last - middle, full_matrices=False)[2][0]
-    way = way if (last[-1] - last[0]) @ way > 0 else -way
+    return middle, way if (last[-1] - last[0]) @ way > 0 else -way
+
+
+def room_to_border(start: Points, way: Points, window: tuple[float, float, float, float]) -> float:
+    """Steps `way` (2,) from `start` (2,) to the border of `window`."""
     low, high = np.array(window[:2]), np.array(window[2:])
     with np.errstate(divide="ignore"):
-        steps = np.where(way > 0, (high - middle) / way, (low - middle) / way)
-    return np.asarray(middle + float(steps[np.abs(way) > 1e-9].min()) * way)
+        steps = np.where(way > 0, (high - start) / way, (low - start) / way)
+    return float(steps[np.abs(way) > 1e-9].min())
 
 
 def _along_border(

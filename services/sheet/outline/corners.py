@@ -11,40 +11,36 @@ from services.arrays import Floats, Points, Vector
 from services.order_statistics import median
 from services.sheet.outline.edges import EdgePoints
 
-
-@dataclass(frozen=True, slots=True)
-class CornerParameters:
-    """Lengths are shares of the curve's length unless stated."""
-
-    candidates: int = 12
-    """Turns of the curve that are tried as corners ..."""
-    runs: int = 4
-    """... and pieces out of view, the longest ones, whose ends and middles are tried too."""
-    arm: float = 0.035
-    """The turn of the curve is measured over this length to either side."""
-    shortest_side: float = 0.05
-    longest_side: float = 0.6
-    side_samples: int = 32
-    """Points of a side that its parabola is fitted to."""
-    jag: float = 0.1
-    """Of the mean side: what a point's distance from its side counts for at most."""
-    turn_weight: float = 0.02
-    """What a corner that does not turn costs, as a mean square distance from the sides over the square of the
-    mean side."""
-    fit_share: float = 0.2
-    """Of a side, next to a corner: its curve is fitted there ..."""
-    line_share: float = 0.08
-    """... or, where that is not smooth, a line to this share."""
-    skipped: float = 0.025
-    """Of a side, next to a corner: rounded, and left out."""
-    smooth: float = 0.0012
-    """Of a side: residual (RMS) up to which a piece of it counts as smooth."""
-    notch: float = 0.005
-    """Of a side: where the edge is further from a smooth side, the smooth side is tried too."""
-    kept: float = 0.7
-    """Share of a piece that must be near its parabola."""
-    reach: float = 0.06
-    """Of the shorter side: a corner is no further from the seen curve (a folded corner)."""
+# Lengths are shares of the curve's length unless stated.
+CANDIDATES = 12
+"""Turns of the curve that are tried as corners ..."""
+RUNS = 4
+"""... and pieces out of view, the longest ones, whose ends and middles are tried too."""
+ARM = 0.035
+"""The turn of the curve is measured over this length to either side."""
+SHORTEST_SIDE = 0.05
+LONGEST_SIDE = 0.6
+SIDE_SAMPLES = 32
+"""Points of a side that its parabola is fitted to."""
+JAG = 0.1
+"""Of the mean side: what a point's distance from its side counts for at most."""
+TURN_WEIGHT = 0.02
+"""What a corner that does not turn costs, as a mean square distance from the sides over the square of the
+mean side."""
+FIT_SHARE = 0.2
+"""Of a side, next to a corner: its curve is fitted there ..."""
+LINE_SHARE = 0.08
+"""... or, where that is not smooth, a line to this share."""
+SKIPPED = 0.025
+"""Of a side, next to a corner: rounded, and left out."""
+SMOOTH = 0.0012
+"""Of a side: residual (RMS) up to which a piece of it counts as smooth."""
+NOTCH = 0.005
+"""Of a side: where the edge is further from a smooth side, the smooth side is tried too."""
+KEPT = 0.7
+"""Share of a piece that must be near its parabola."""
+REACH = 0.06
+"""Of the shorter side: a corner is no further from the seen curve (a folded corner)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,19 +62,18 @@ def split_sides(points: Points, shown: NDArray[np.bool_]) -> Corners | None:
     None if the curve does not turn in four places. A side that is out of the photo is not seen: the curve
     follows the photo's border there, and its ends, or its middle, replace the corners.
     """
-    p = CornerParameters()
     count = len(points)
-    arm = max(int(p.arm * count), 2)
+    arm = max(int(ARM * count), 2)
     turn = _turns(points, arm)
-    places = _places(turn, shown, arm, p)
+    places = _places(turn, shown, arm)
     if len(places) < 4:
         return None
-    cost = _side_costs(points, shown, places, p)
+    cost = _side_costs(points, shown, places)
     fours = _fours(len(places))
     fits = np.asarray(cost[fours, np.roll(fours, -1, axis=1)].sum(axis=1) / count)
     flatness = np.clip(1 - turn[places] / np.deg2rad(70.0), 0, 1.5) ** 2
     price = np.where(shown[places], flatness, 0.1)
-    total = fits + p.turn_weight * price[fours].sum(axis=1)
+    total = fits + TURN_WEIGHT * price[fours].sum(axis=1)
     best = int(np.argmin(total))
     if not np.isfinite(total[best]):
         return None
@@ -100,12 +95,12 @@ def _turns(points: Points, arm: int) -> Vector:
     return np.asarray(np.arctan2(cross, (before * after).sum(axis=1)))
 
 
-def _places(turn: Vector, shown: NDArray[np.bool_], arm: int, p: CornerParameters) -> NDArray[np.intp]:
+def _places(turn: Vector, shown: NDArray[np.bool_], arm: int) -> NDArray[np.intp]:
     """Sorted indices where corners are tried: the strongest turns, and ends and middles of what is out of view."""
     count = len(turn)
     left = turn.copy()
     chosen: list[int] = []
-    while len(chosen) < p.candidates:
+    while len(chosen) < CANDIDATES:
         k = int(np.argmax(left))
         if left[k] < np.deg2rad(15.0):
             break
@@ -118,22 +113,20 @@ def _places(turn: Vector, shown: NDArray[np.bool_], arm: int, p: CornerParameter
         lengths = np.array([int((ends - start).min(where=ends >= start, initial=count)) for start in starts])
         wrapped = lengths == count
         lengths[wrapped] = ends[0] + count - starts[wrapped]
-        for k in np.argsort(-lengths)[: p.runs]:
+        for k in np.argsort(-lengths)[:RUNS]:
             start, length = int(starts[k]), int(lengths[k])
             chosen += [start, (start + length // 2) % count, (start + length) % count]
     return np.asarray(sorted(set(chosen)), np.intp)
 
 
-def _side_costs(
-    curve: Points, shown: NDArray[np.bool_], places: NDArray[np.intp], p: CornerParameters
-) -> Floats:
+def _side_costs(curve: Points, shown: NDArray[np.bool_], places: NDArray[np.intp]) -> Floats:
     """(K, K) sum of squared distances of the shown points from place a to b from a parabola, over the squared side."""
     count = len(curve)
     unit = float(np.linalg.norm(np.ptp(curve, axis=0))) / 2
     lengths = (places[None, :] - places[:, None]) % count
     cost = np.full(lengths.shape, np.inf)
-    a, b = np.nonzero((lengths >= p.shortest_side * count) & (lengths <= p.longest_side * count))
-    share = np.linspace(0, 1, p.side_samples)
+    a, b = np.nonzero((lengths >= SHORTEST_SIDE * count) & (lengths <= LONGEST_SIDE * count))
+    share = np.linspace(0, 1, SIDE_SAMPLES)
     index = (places[a][:, None] + np.round(share * lengths[a, b][:, None]).astype(int)) % count
     weight = shown[index].astype(np.float64)
     total = np.maximum(weight.sum(axis=1), 1.0)
@@ -149,26 +142,24 @@ def _side_costs(
     normal = np.einsum("sni,snj->sij", weighted, design) + 1e-6 * np.eye(3)
     fit = np.linalg.solve(normal, np.einsum("sni,sn->si", weighted, d)[..., None])[..., 0]
     # A few jags of creases are not a corner.
-    residual = np.minimum(np.abs(d - np.einsum("sni,si->sn", design, fit)), p.jag)
-    cost[a, b] = (weight * residual**2).sum(axis=1) * lengths[a, b] / p.side_samples
+    residual = np.minimum(np.abs(d - np.einsum("sni,si->sn", design, fit)), JAG)
+    cost[a, b] = (weight * residual**2).sum(axis=1) * lengths[a, b] / SIDE_SAMPLES
     return cost
 
 
 def locate_corners(edge: EdgePoints, corners: Corners) -> Points:
     """The corners (4, 2) of a closed edge: where both sides' local fits meet; NaN where that is not seen."""
-    p = CornerParameters()
     count = len(edge.points)
     sides = []
     for start, end in zip(corners.indices, np.roll(corners.indices, -1), strict=True):
         index = (start + np.arange(int(end - start) % count + 1)) % count
         sides.append((edge.points[index], edge.seen[index]))
-    return _corners_of(sides, edge.shown[corners.indices], p)
+    return _corners_of(sides, edge.shown[corners.indices])
 
 
 def meet_sides(sides: list[EdgePoints], known: NDArray[np.bool_]) -> Points:
     """The corners (4, 2) of four measured sides, in order; NaN where not `known` or not seen."""
-    p = CornerParameters()
-    return _corners_of([(side.points, side.seen) for side in sides], known, p)
+    return _corners_of([(side.points, side.seen) for side in sides], known)
 
 
 def guide_sides(edge: EdgePoints, corners: Corners, located: Points) -> list[Points]:
@@ -196,34 +187,32 @@ def guide_sides(edge: EdgePoints, corners: Corners, located: Points) -> list[Poi
     return guides
 
 
-def _corners_of(
-    sides: list[tuple[Points, NDArray[np.bool_]]], known: NDArray[np.bool_], p: CornerParameters
-) -> Points:
+def _corners_of(sides: list[tuple[Points, NDArray[np.bool_]]], known: NDArray[np.bool_]) -> Points:
     """Corner k (4, 2) lies between side k - 1 and side k, each a curve (N, 2) and where it is seen (N,)."""
     found = np.full((4, 2), np.nan)
     lengths = [float(np.linalg.norm(points[-1] - points[0])) for points, _ in sides]
     for k in np.flatnonzero(known):
         (before, before_seen), (after, after_seen) = sides[k - 1], sides[k]
-        incoming = _end_line(before[::-1], before_seen[::-1], p)
-        outgoing = _end_line(after, after_seen, p)
+        incoming = _end_line(before[::-1], before_seen[::-1])
+        outgoing = _end_line(after, after_seen)
         if incoming is None or outgoing is None:
             continue
         crossing = meet(*incoming, *outgoing)
         end = 0.5 * (before[-1] + after[0])
-        reach = p.reach * min(lengths[k - 1], lengths[k])
+        reach = REACH * min(lengths[k - 1], lengths[k])
         if crossing is not None and np.linalg.norm(crossing - end) <= reach:
             found[k] = crossing
     return found
 
 
-def _end_line(points: Points, seen: NDArray[np.bool_], p: CornerParameters) -> tuple[Points, Points] | None:
+def _end_line(points: Points, seen: NDArray[np.bool_]) -> tuple[Points, Points] | None:
     """Point and direction of a side's curve (N, 2) where it begins; None where it is not seen there."""
     count = len(points)
-    skip = max(round(p.skipped * count), 1)
+    skip = max(round(SKIPPED * count), 1)
     side = float(np.linalg.norm(points[-1] - points[0]))
     wide, narrow = (
         np.flatnonzero(seen[skip : max(round(share * count), skip + 6)]) + skip
-        for share in (p.fit_share, p.line_share)
+        for share in (FIT_SHARE, LINE_SHARE)
     )
     if len(wide) >= 10:
         piece = points[wide]
@@ -240,7 +229,7 @@ def _end_line(points: Points, seen: NDArray[np.bool_], p: CornerParameters) -> t
             residual = np.abs(d - design @ fit)
             keep = residual <= 3 * median(residual) + 1e-6
         fit = fit / powers
-        if np.sqrt(np.mean(residual[keep] ** 2)) < p.smooth * side and keep.mean() > p.kept:
+        if np.sqrt(np.mean(residual[keep] ** 2)) < SMOOTH * side and keep.mean() > KEPT:
             end = float((points[0] - centre) @ axes[0])
             height = float(fit[0] + fit[1] * end + fit[2] * end * end)
             return centre + end * axes[0] + height * axes[1], axes[0] + (fit[1] + 2 * fit[2] * end) * axes[1]

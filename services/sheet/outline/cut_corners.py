@@ -4,31 +4,25 @@ An outline that is followed from corner to corner takes the edge of a fold for a
 but for a piece at its end, which leaves it in a kink, is that straight part alone. Bent sides have no kink.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from services.arrays import Floats, Mask, Points
 from services.sheet.outline.corners import meet
-from services.sheet.outline.results import SheetOutline, SheetSide
+from services.sheet.outline.results import CORNER_BEYOND, SheetOutline, SheetSide
 
-
-@dataclass(frozen=True, slots=True)
-class CutCornerParameters:
-    """Lengths are shares of the side's length."""
-
-    min_points: int = 20
-    straight: float = 0.002
-    """Points of the straight part lie within this: edges of flat sheets leave 0.0003."""
-    far: float = 0.01
-    """The piece that is cut off leaves the line by more."""
-    least_share: float = 0.6
-    """Of the straight part."""
-    kink_rad: float = float(np.deg2rad(15.0))
-    """A fold turns the edge by 45 degrees, a bent sheet by less than this from one point to the fifth."""
-    kink_points: int = 5
-    beyond: float = 0.35
-    """A corner lies at most so far outside of what is seen."""
+# Lengths are shares of the side's length.
+MIN_POINTS = 20
+STRAIGHT = 0.002
+"""Points of the straight part lie within this: edges of flat sheets leave 0.0003."""
+FAR = 0.01
+"""The piece that is cut off leaves the line by more."""
+LEAST_SHARE = 0.6
+"""Of the straight part."""
+KINK_RAD = float(np.deg2rad(15.0))
+"""A fold turns the edge by 45 degrees, a bent sheet by less than this from one point to the fifth."""
+KINK_POINTS = 5
 
 
 def end_before_cut_corners(outline: SheetOutline) -> SheetOutline:
@@ -36,11 +30,10 @@ def end_before_cut_corners(outline: SheetOutline) -> SheetOutline:
 
     A corner whose sides do not meet near the sheet is NaN. The polygon stays what is seen of the sheet.
     """
-    p = CutCornerParameters()
     sides, corners = list(outline.sides), outline.corners.copy()
     cut: set[int] = set()
     for k, side in enumerate(outline.sides):
-        straight = _straight_part(side.points, p)
+        straight = _straight_part(side.points)
         if straight is None or straight.all():
             continue
         sides[k] = _part_of(side, straight)
@@ -48,42 +41,42 @@ def end_before_cut_corners(outline: SheetOutline) -> SheetOutline:
     if not cut:
         return outline
     for k in cut:
-        corners[k] = _corner(sides[k - 1], sides[k], outline.polygon, p)
+        corners[k] = _corner(sides[k - 1], sides[k], outline.polygon)
     return replace(outline, sides=(sides[0], sides[1], sides[2], sides[3]), corners=corners)
 
 
-def _straight_part(points: Points, p: CutCornerParameters) -> Mask | None:
+def _straight_part(points: Points) -> Mask | None:
     """Which points (N,) lie on the straight part of a side, if it has one that ends in kinks; all if nothing is cut."""
     count = len(points)
-    if count < p.min_points:
+    if count < MIN_POINTS:
         return None
     length = float(np.linalg.norm(points[-1] - points[0]))
     first, last = np.triu_indices(count, k=count // 3)
     along = points[last] - points[first]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
     off = np.abs((points[None] - points[first][:, None]) @ across[:, :, None])[:, :, 0]
-    near = off < p.straight * length
+    near = off < STRAIGHT * length
     best = int(np.argmax(near.sum(axis=1)))
     on = np.flatnonzero(near[best])
     begin, end = int(on[0]), int(on[-1]) + 1
     straight = np.zeros(count, bool)
     straight[begin:end] = True
-    if near[best, begin:end].mean() < 0.9 or end - begin < p.least_share * count:
+    if near[best, begin:end].mean() < 0.9 or end - begin < LEAST_SHARE * count:
         return None
     for piece in (np.arange(begin - 1, -1, -1), np.arange(end, count)):
         if not len(piece):
             continue
-        leaves = off[best, piece].max() > p.far * length and _turn(points, piece, along[best], p) > p.kink_rad
+        leaves = off[best, piece].max() > FAR * length and _turn(points, piece, along[best]) > KINK_RAD
         if not leaves:
             return None
     return straight
 
 
-def _turn(points: Points, piece: np.ndarray, along: Points, p: CutCornerParameters) -> float:
+def _turn(points: Points, piece: np.ndarray, along: Points) -> float:
     """Angle (rad) between the direction `along` (2,) and the beginning of a `piece` of points."""
     # From the last straight point on, so that a step aside is a turn too.
     inner = piece[0] - 1 if len(piece) < 2 or piece[1] > piece[0] else piece[0] + 1
-    outer = piece[min(p.kink_points, len(piece)) - 1]
+    outer = piece[min(KINK_POINTS, len(piece)) - 1]
     way = points[outer] - points[inner]
     sine = abs(float(along[0] * way[1] - along[1] * way[0]))
     return float(np.arctan2(sine, abs(float(along @ way))))
@@ -95,10 +88,10 @@ def _part_of(side: SheetSide, kept: Mask) -> SheetSide:
     return SheetSide(points, side.deviations[kept], side.seen * float(kept.mean()), float(off))
 
 
-def _corner(before: SheetSide, after: SheetSide, polygon: Points, p: CutCornerParameters) -> Floats:
+def _corner(before: SheetSide, after: SheetSide, polygon: Points) -> Floats:
     """Where the lines of two sides (2,) meet; NaN where they do not near the sheet."""
     nowhere = np.full(2, np.nan)
-    if min(len(before.points), len(after.points)) < p.min_points // 2:
+    if min(len(before.points), len(after.points)) < MIN_POINTS // 2:
         return nowhere
     lines = []
     for points in (before.points[-(len(before.points) // 2) :], after.points[: len(after.points) // 2]):
@@ -106,7 +99,7 @@ def _corner(before: SheetSide, after: SheetSide, polygon: Points, p: CutCornerPa
         lines += [middle, np.linalg.svd(points - middle)[2][0]]
     place = meet(lines[0], lines[1], lines[2], lines[3])
     low, high = polygon.min(axis=0), polygon.max(axis=0)
-    reach = p.beyond * float((high - low).max())
+    reach = CORNER_BEYOND * float((high - low).max())
     if place is None or (place < low - reach).any() or (place > high + reach).any():
         return nowhere
     return np.asarray(place)

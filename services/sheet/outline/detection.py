@@ -116,7 +116,6 @@ _Measure = Callable[[Candidate], MeasuredOutline | None]
 def find_outline(
     photo: RgbImage | Halves,
     characters: Points | None = None,
-    text_height_px: float | None = None,
     parameters: OutlineParameters | None = None,
 ) -> SheetOutline | None:
     """The sheet's boundary in `photo` (H, W, 3); None where no sheet's edge is seen.
@@ -125,8 +124,6 @@ def find_outline(
     ----------
     characters
         (N, 2) centres of printed characters, photo pixels, where text was found.
-    text_height_px
-        Typical character size, photo pixels.
     """
     p = parameters or OutlineParameters()
     halves = Halves.of(photo)
@@ -308,7 +305,7 @@ def measure_candidate(
     if shows_print:
         measured = [leave_out_strays(side, diagonal, window) for side in measured]
     located = meet_sides(measured, known)
-    sides = [_side(m, p) for m in measured]
+    sides = [_side(m) for m in measured]
     ended = [leave_out_border(side, diagonal, window) for side in measured] if shows_print else measured
     pieces = []
     for corner, m in zip(located, ended, strict=True):
@@ -330,7 +327,7 @@ def _from_top_left(corners: Points) -> np.ndarray:
     return (first + np.arange(4)) % 4
 
 
-def _side(edge: EdgePoints, p: OutlineParameters) -> SheetSide:
+def _side(edge: EdgePoints) -> SheetSide:
     """A side's seen points, about `SIDE_POINTS` of them when it is seen whole."""
     step = max(round(len(edge.points) / SIDE_POINTS), 1)
     kept = np.flatnonzero(edge.seen)

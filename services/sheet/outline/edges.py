@@ -12,33 +12,29 @@ from services.imaging.channels import length_of_channels
 from services.sheet.outline.paths import find_closed_paths, find_open_paths
 from services.sheet.outline.results import LEAST_POINTS, SIDE_POINTS
 
-
-@dataclass(frozen=True, slots=True)
-class EdgeParameters:
-    """Lengths are pixels of the image that is searched unless stated; colours are RGB levels."""
-
-    spacing_px: float = 6.0
-    """Between points when an edge is followed in the medium image."""
-    reach_px: float = 9.0
-    """To either side: two pixels of the reduced photo, where the curve comes from, or more."""
-    side_points: int = 120
-    """On each side, in the photo itself."""
-    fine_reach: float = 1.0 / 250
-    """Of the outline's diagonal, to either side."""
-    fine_step: float = 1.0 / 4000
-    """Of the outline's diagonal."""
-    contrast: float = 12.0
-    """An edge of this colour difference counts half."""
-    straightness: float = 0.05
-    """What a step of one sample from normal to normal costs, in full edges."""
-    ground: tuple[float, float] = (2.0, 5.0)
-    """The ground on either side of an edge is sampled at these distances, in units of the edge's usual width ..."""
-    edge_width: float = 1.0 / 1200
-    """... which is this share of the outline's diagonal, or a pixel."""
-    seen_contrast: float = 6.0
-    """An edge counts as seen from this difference of colour on ..."""
-    seen_ratio: float = 2.0
-    """... and this many times the variation of the ground next to it."""
+# Lengths are pixels of the image that is searched unless stated; colours are RGB levels.
+SPACING_PX = 6.0
+"""Between points when an edge is followed in the medium image."""
+REACH_PX = 9.0
+"""To either side: two pixels of the reduced photo, where the curve comes from, or more."""
+MEASURED_POINTS = 120
+"""On each side, in the photo itself."""
+FINE_REACH = 1.0 / 250
+"""Of the outline's diagonal, to either side."""
+FINE_STEP = 1.0 / 4000
+"""Of the outline's diagonal."""
+CONTRAST = 12.0
+"""An edge of this colour difference counts half."""
+STRAIGHTNESS = 0.05
+"""What a step of one sample from normal to normal costs, in full edges."""
+GROUND = (2.0, 5.0)
+"""The ground on either side of an edge is sampled at these distances, in units of the edge's usual width ..."""
+EDGE_WIDTH = 1.0 / 1200
+"""... which is this share of the outline's diagonal, or a pixel."""
+SEEN_CONTRAST = 6.0
+"""An edge counts as seen from this difference of colour on ..."""
+SEEN_RATIO = 2.0
+"""... and this many times the variation of the ground next to it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,20 +117,19 @@ def follow_edge(image: RgbImage, curve: Points, window: tuple[float, float, floa
 
     `window` (x0, y0, x1, y1) is the part of the image that shows anything.
     """
-    p = EdgeParameters()
-    count = int(np.clip(curve_length(curve) / p.spacing_px, 60, 600))
+    count = int(np.clip(curve_length(curve) / SPACING_PX, 60, 600))
     points = smooth_closed(resample_closed(curve, count), 3)
     normals = outward_normals(points, 3)
-    offsets = np.arange(-p.reach_px, p.reach_px + 0.5, 1.0)
+    offsets = np.arange(-REACH_PX, REACH_PX + 0.5, 1.0)
     wide = np.arange(offsets[0] - 2, offsets[-1] + 2.5, 1.0)
     colors = edge_profiles(image, points, normals, wide, np.tile([-2.0, 0.0, 2.0], (count, 1)))
     difference = length_of_channels(
         0.5 * (colors[:, 3:-1] + colors[:, 4:]) - 0.5 * (colors[:, :-4] + colors[:, 1:-3])
     )
-    strength = difference**2 / (difference**2 + p.contrast**2)
+    strength = difference**2 / (difference**2 + CONTRAST**2)
     at = points[:, None] + offsets[None, :, None] * normals[:, None]
-    score = np.where(_shown(at, window, 0.0), strength, -1.0) - 0.1 * (offsets / p.reach_px) ** 2
-    path = find_closed_paths(score[None], 2, p.straightness)[0]
+    score = np.where(_shown(at, window, 0.0), strength, -1.0) - 0.1 * (offsets / REACH_PX) ** 2
+    path = find_closed_paths(score[None], 2, STRAIGHTNESS)[0]
     return np.asarray(at[np.arange(count), path])
 
 
@@ -142,10 +137,9 @@ def measure_closed_edge(
     image: RgbImage, curve: Points, window: tuple[float, float, float, float]
 ) -> EdgePoints:
     """Sub-pixel points of the edge that a closed clockwise `curve` (N, 2), pixels of `image`, runs along."""
-    p = EdgeParameters()
     points = smooth_closed(resample_closed(curve, len(curve)), 3)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    return _measure(image, points[None], outward_normals(points, 2)[None], diagonal, window, True, p)
+    return _measure(image, points[None], outward_normals(points, 2)[None], diagonal, window, True)
 
 
 def measure_sides(
@@ -155,10 +149,9 @@ def measure_sides(
 
     `diagonal` is the outline's.
     """
-    p = EdgeParameters()
-    places, normals = zip(*(normals_along(guide, p.side_points) for guide in guides), strict=True)
-    found = _measure(image, np.stack(places), np.stack(normals), diagonal, window, False, p)
-    parts = [slice(k * p.side_points, (k + 1) * p.side_points) for k in range(len(guides))]
+    places, normals = zip(*(normals_along(guide, MEASURED_POINTS) for guide in guides), strict=True)
+    found = _measure(image, np.stack(places), np.stack(normals), diagonal, window, False)
+    parts = [slice(k * MEASURED_POINTS, (k + 1) * MEASURED_POINTS) for k in range(len(guides))]
     return [
         EdgePoints(
             found.points[part],
@@ -180,7 +173,7 @@ def leave_out_strays(
     There the sheet has left the photo, and letters that the border cuts look like its edge.
     """
     # The curve is near the border there, and an edge near the curve.
-    beside = ~_shown(side.points, window, 2.0 * _reach(diagonal, EdgeParameters()))
+    beside = ~_shown(side.points, window, 2.0 * _reach(diagonal))
     ends = np.flatnonzero(np.diff(np.concatenate([[False], beside, [False]]).astype(int)))
     seen = side.seen.copy()
     for first, last in ends.reshape(-1, 2):
@@ -197,7 +190,7 @@ def leave_out_border(
     The curve of a sheet that goes on beyond the photo ends some pixels before the border, nearer than an edge is
     sought. A side that is seen in part, and is lost beside the border, is one that is not seen well.
     """
-    inner = side.seen | _shown(side.points, window, _reach(diagonal, EdgeParameters()))
+    inner = side.seen | _shown(side.points, window, _reach(diagonal))
     if side.seen.mean() * SIDE_POINTS >= LEAST_POINTS or inner.mean() > 0.5:
         return side
     low, high = np.array(window[:2]), np.array(window[2:])
@@ -208,9 +201,9 @@ def leave_out_border(
     return replace(side, points=points, shown=side.shown & inner)
 
 
-def _reach(diagonal: float, p: EdgeParameters) -> float:
+def _reach(diagonal: float) -> float:
     """Distance in pixels to either side of a curve in which its edge is sought, in an outline of this `diagonal`."""
-    return max(p.fine_reach * diagonal, 3.0)
+    return max(FINE_REACH * diagonal, 3.0)
 
 
 def normals_along(guide: Points, count: int) -> tuple[Points, Points]:
@@ -234,7 +227,6 @@ def _measure(
     diagonal: float,
     window: tuple[float, float, float, float],
     closed: bool,
-    p: EdgeParameters,
 ) -> EdgePoints:
     """The edges of G curves (G, N, 2), which lie near them, as one sequence of G N points.
 
@@ -242,10 +234,10 @@ def _measure(
     the other's, is greatest (the vertex of a parabola through three samples).
     """
     points, normals = curves.reshape(-1, 2), curve_normals.reshape(-1, 2)
-    step = max(p.fine_step * diagonal, 0.5)
-    reach = _reach(diagonal, p)
-    width = max(p.edge_width * diagonal, 1.0)
-    near, far = (g * width for g in p.ground)
+    step = max(FINE_STEP * diagonal, 0.5)
+    reach = _reach(diagonal)
+    width = max(EDGE_WIDTH * diagonal, 1.0)
+    near, far = (g * width for g in GROUND)
     half = int(np.ceil((reach + far) / step))
     offsets = step * np.arange(-half, half + 1)
     spacing = np.median(np.linalg.norm(np.diff(curves, axis=1), axis=2), axis=1)
@@ -265,11 +257,11 @@ def _measure(
     slope = np.gradient(blurred, step, axis=1)[:, inside]
     along = np.einsum("nmk,nmk->nm", slope, difference) / np.maximum(contrast, 1e-6)
     # A sharp step of contrast c has the slope c / width; a flat ramp has less.
-    sharp = np.clip(along * width / np.maximum(contrast, p.seen_contrast), 0, 1)
-    strength = contrast**2 / (contrast**2 + p.contrast**2) * sharp
+    sharp = np.clip(along * width / np.maximum(contrast, SEEN_CONTRAST), 0, 1)
+    strength = contrast**2 / (contrast**2 + CONTRAST**2) * sharp
     score = strength - 0.1 * (offsets[inside] / reach) ** 2
     find = find_closed_paths if closed else find_open_paths
-    paths = find(score.reshape(*curves.shape[:2], -1), 3, p.straightness).ravel()
+    paths = find(score.reshape(*curves.shape[:2], -1), 3, STRAIGHTNESS).ravel()
     m = np.clip(paths, 1, len(inside) - 2)
     n = np.arange(len(points))
     before, here, after = along[n, m - 1], along[n, m], along[n, m + 1]
@@ -281,7 +273,7 @@ def _measure(
     ground = np.einsum("nmk,nk->nm", colors[n[:, None], beside], way)
     unrest = np.maximum(ground[:, : last - first + 1].std(axis=1), ground[:, last - first + 1 :].std(axis=1))
     shown = _shown(found, window, 1.5)
-    seen = shown & (contrast > p.seen_contrast) & (contrast > p.seen_ratio * unrest) & (here > 0)
+    seen = shown & (contrast > SEEN_CONTRAST) & (contrast > SEEN_RATIO * unrest) & (here > 0)
     # Variation of the ground shifts the steepest place by the ratio of its slope to that of the edge.
     deviations = np.clip(0.5 * unrest / np.maximum(here, 1e-6), 0.05, reach)
     return EdgePoints(found, normals, deviations, strength[n, m], np.asarray(seen), shown)

@@ -4,7 +4,7 @@ A side that bends has an edge from corner to corner. A rule beside an edge that 
 so a bent side is believed only where its edge is seen along all of it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from services.imaging.channels import length_of_channels
 from services.imaging.grid_paths import SHIFT_COST
 from services.imaging.reduction import Halves
 from services.sheet.outline.edges import (
-    EdgeParameters,
+    CONTRAST,
     EdgePoints,
     edge_profiles,
     measure_sides,
@@ -23,34 +23,28 @@ from services.sheet.outline.edges import (
 )
 from services.sheet.outline.paths import find_open_paths
 from services.sheet.outline.reduced_photo import medium_photo
-from services.sheet.outline.results import SIDE_POINTS, SheetOutline, SheetSide
+from services.sheet.outline.results import LEAST_SEEN, SIDE_POINTS, SheetOutline, SheetSide
 
-
-@dataclass(frozen=True, slots=True)
-class GivenCornersParameters:
-    """Lengths are shares of a side's chord."""
-
-    normals: int = 96
-    """Places along a side at which its edge is sought."""
-    most_bow: float = 0.12
-    """Of a side, to either side of the chord: sides of an opened book bow by up to 0.09."""
-    steepest: float = 0.42
-    """Of a side against its chord, as a slope: a fold in thirds has up to 0.3, the near end of a bent sheet seen
-    obliquely 0.4."""
-    straight_bow: float = 0.006
-    """A side within it counts as straight: a corner that a person sets is a few pixels off."""
-    parts: tuple[float, ...] = (0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94)
-    """Of the parts of a side between these places, ..."""
-    least_strength: float = 0.25
-    """... each must have an edge of this mean strength, or the side is not followed, ..."""
-    gain: float = 0.05
-    """... and a bent side must exceed the straight one by this in its weakest part."""
-    unseen: float = 0.003
-    """Standard deviation of a side's place where no edge was seen and it is taken for straight, ..."""
-    least_seen: float = 0.35
-    """... as it is, for want of better, where a smaller share of it was seen."""
-    corner: float = 0.0002
-    """That of a corner: it is exact, to the pixels of a photo."""
+# Lengths are shares of a side's chord.
+NORMALS = 96
+"""Places along a side at which its edge is sought."""
+MOST_BOW = 0.12
+"""Of a side, to either side of the chord: sides of an opened book bow by up to 0.09."""
+STEEPEST = 0.42
+"""Of a side against its chord, as a slope: a fold in thirds has up to 0.3, the near end of a bent sheet seen
+obliquely 0.4."""
+STRAIGHT_BOW = 0.006
+"""A side within it counts as straight: a corner that a person sets is a few pixels off."""
+PARTS: tuple[float, ...] = (0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94)
+"""Of the parts of a side between these places, ..."""
+LEAST_STRENGTH = 0.25
+"""... each must have an edge of this mean strength, or the side is not followed, ..."""
+GAIN = 0.05
+"""... and a bent side must exceed the straight one by this in its weakest part."""
+UNSEEN = 0.003
+"""Standard deviation of a side's place where no edge was seen and it is taken for straight, for want of better."""
+CORNER = 0.0002
+"""That of a corner: it is exact, to the pixels of a photo."""
 
 
 def outline_between(photo: RgbImage | Halves, corners: Points) -> SheetOutline:
@@ -58,7 +52,6 @@ def outline_between(photo: RgbImage | Halves, corners: Points) -> SheetOutline:
 
     A side has its corners, and the points where its edge is seen: where none is, the sheet may bend.
     """
-    p = GivenCornersParameters()
     halves = Halves.of(photo)
     first = int(np.argmin(corners.sum(axis=1)))
     corners = np.roll(corners, -first, axis=0)
@@ -66,50 +59,48 @@ def outline_between(photo: RgbImage | Halves, corners: Points) -> SheetOutline:
     guides = []
     for k in range(4):
         start, end = to_resized(corners[[k, (k + 1) % 4]], factor)
-        guides.append(from_resized(_guide(medium, start, end, p), factor))
+        guides.append(from_resized(_guide(medium, start, end), factor))
     height, width = halves.image.shape[:2]
     diagonal = float(np.linalg.norm(np.ptp(corners, axis=0)))
     measured = measure_sides(halves.image, guides, diagonal, (0.0, 0.0, width - 1.0, height - 1.0))
-    sides = [_side(edge, corners[k], corners[(k + 1) % 4], p) for k, edge in enumerate(measured)]
+    sides = [_side(edge, corners[k], corners[(k + 1) % 4]) for k, edge in enumerate(measured)]
     polygon = np.concatenate([side.points[:-1] for side in sides])
     polygon = np.clip(polygon, 0.0, [width - 1.0, height - 1.0])
     return SheetOutline(corners, (sides[0], sides[1], sides[2], sides[3]), 1.0, polygon)
 
 
-def _guide(image: RgbImage, start: Points, end: Points, p: GivenCornersParameters) -> Points:
+def _guide(image: RgbImage, start: Points, end: Points) -> Points:
     """Curve (N, 2) from `start` to `end` (2,), pixels of `image`: along a bent edge, else straight."""
-    straight = np.linspace(start, end, p.normals)
+    straight = np.linspace(start, end, NORMALS)
     chord = float(np.linalg.norm(end - start))
-    points, normals = normals_along(straight, p.normals)
-    step = max(p.most_bow * chord / 60, 1.0)
-    reach = max(int(np.ceil(p.most_bow * chord / step)), 3)
+    points, normals = normals_along(straight, NORMALS)
+    step = max(MOST_BOW * chord / 60, 1.0)
+    reach = max(int(np.ceil(MOST_BOW * chord / step)), 3)
     offsets = step * np.arange(-reach, reach + 1)
-    strength = _edge_strength(image, points, normals, offsets, chord, p)
-    place = (np.arange(p.normals) + 0.5) / p.normals
-    room = chord * np.minimum(p.steepest * np.minimum(place, 1 - place), p.most_bow)
-    most = max(int(np.ceil(p.steepest * chord / p.normals / step)), 1)
-    near_chord = np.abs(offsets) <= max(p.straight_bow * chord, step)
-    ends = np.round(np.array(p.parts) * p.normals).astype(int)
+    strength = _edge_strength(image, points, normals, offsets, chord)
+    place = (np.arange(NORMALS) + 0.5) / NORMALS
+    room = chord * np.minimum(STEEPEST * np.minimum(place, 1 - place), MOST_BOW)
+    most = max(int(np.ceil(STEEPEST * chord / NORMALS / step)), 1)
+    near_chord = np.abs(offsets) <= max(STRAIGHT_BOW * chord, step)
+    ends = np.round(np.array(PARTS) * NORMALS).astype(int)
     chosen, weakest = straight, 0.0
     # The straight side goes first: a bent one must have a clearer edge where it has the least.
     for allowed in (near_chord, np.abs(offsets) <= np.maximum(room, step)[:, None]):
-        followed, path = _best_path(strength, allowed, most, p)
+        followed, path = _best_path(strength, allowed, most)
         least = min(float(part.mean()) for part in np.split(followed, ends))
-        if least > max(weakest + p.gain, p.least_strength):
+        if least > max(weakest + GAIN, LEAST_STRENGTH):
             curve = points + offsets[path][:, None] * normals
             chosen, weakest = np.concatenate([start[None], curve, end[None]]), least
     return chosen
 
 
-def _edge_strength(
-    image: RgbImage, points: Points, normals: Points, offsets: Floats, chord: float, p: GivenCornersParameters
-) -> Floats:
+def _edge_strength(image: RgbImage, points: Points, normals: Points, offsets: Floats, chord: float) -> Floats:
     """Strength (N, M), 0-1, of an edge at `offsets` (M,) along the normals of `points` (N, 2): a step of colour."""
     step = offsets[1] - offsets[0]
     wide = np.concatenate(
         [offsets[0] + step * np.arange(-2, 0), offsets, offsets[-1] + step * np.arange(1, 3)]
     )
-    along = chord / p.normals * np.array([-0.4, 0.0, 0.4])
+    along = chord / NORMALS * np.array([-0.4, 0.0, 0.4])
     colors = edge_profiles(image, points, normals, wide, np.tile(along, (len(points), 1)))
     difference = length_of_channels(
         0.5 * (colors[:, 3:-1] + colors[:, 4:]) - 0.5 * (colors[:, :-4] + colors[:, 1:-3])
@@ -117,19 +108,17 @@ def _edge_strength(
     height, width = image.shape[:2]
     at = points[:, None] + offsets[None, :, None] * normals[:, None]
     shown = ((at >= 1) & (at <= [width - 2, height - 2])).all(axis=2)
-    return np.where(shown, difference**2 / (difference**2 + EdgeParameters().contrast ** 2), 0.0)
+    return np.where(shown, difference**2 / (difference**2 + CONTRAST**2), 0.0)
 
 
-def _best_path(
-    strength: Floats, allowed: Mask, max_shift: int, p: GivenCornersParameters
-) -> tuple[Floats, NDArray[np.intp]]:
+def _best_path(strength: Floats, allowed: Mask, max_shift: int) -> tuple[Floats, NDArray[np.intp]]:
     """Strength (N,) along the best path through the `allowed` samples of (N, M), and its samples (N,)."""
     score = np.where(allowed, strength, -np.inf)
     path = find_open_paths(score[None], max_shift, SHIFT_COST)[0]
     return strength[np.arange(len(path)), path], path
 
 
-def _side(edge: EdgePoints, start: Points, end: Points, p: GivenCornersParameters) -> SheetSide:
+def _side(edge: EdgePoints, start: Points, end: Points) -> SheetSide:
     """The side from `start` to `end` (2,): where its edge is seen, and its corners."""
     chord = float(np.linalg.norm(end - start))
     places = (edge.points - start) @ (end - start) / chord**2
@@ -137,20 +126,20 @@ def _side(edge: EdgePoints, start: Points, end: Points, p: GivenCornersParameter
     kept = np.flatnonzero(between & edge.seen)[:: max(len(edge.points) // SIDE_POINTS, 1)]
     return _side_of(
         np.concatenate([start[None], edge.points[kept], end[None]]),
-        np.concatenate([[p.corner * chord], edge.deviations[kept], [p.corner * chord]]),
+        np.concatenate([[CORNER * chord], edge.deviations[kept], [CORNER * chord]]),
         float(edge.seen[between].mean()) if between.any() else 0.0,
     )
 
 
 def with_straight_sides(outline: SheetOutline) -> SheetOutline:
     """The outline with straight sides from corner to corner where their edge was hardly seen, for want of better."""
-    p, sides = GivenCornersParameters(), []
+    sides = []
     for k, side in enumerate(outline.sides):
-        if side.seen >= p.least_seen:
+        if side.seen >= LEAST_SEEN:
             sides.append(side)
             continue
         ends = outline.corners[[k, (k + 1) % 4]]
-        unseen = p.unseen * float(np.linalg.norm(ends[1] - ends[0]))
+        unseen = UNSEEN * float(np.linalg.norm(ends[1] - ends[0]))
         points = np.linspace(ends[0], ends[1], SIDE_POINTS)
         sides.append(_side_of(points, np.full(len(points), unseen), 1.0))
     return replace(outline, sides=(sides[0], sides[1], sides[2], sides[3]))

@@ -10,21 +10,15 @@ from services.imaging.components import label_components
 from services.sheet.outline.colors import color_codes, color_density
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
-
-@dataclass(frozen=True, slots=True)
-class PrintPlaceParameters:
-    """Which characters are accepted, and where the middle of the sheet is searched."""
-
-    least_characters: int = 10
-    """With fewer there is no print to start from."""
-    radius: float = 0.02
-    """Of the photo's long side: print extends this far around its characters."""
-    like_print: float = 0.1
-    """Of the commonest density: characters on colours that are rarer among them are not print on the sheet."""
-    part: float = 0.1
-    """Of the characters of the largest part: smaller parts are clutter."""
-    middle: float = 0.25
-    """Of the photo: half axes of the ellipse that replaces the print if none was found."""
+# Which characters are accepted, and where the middle of the sheet is searched.
+RADIUS = 0.02
+"""Of the photo's long side: print extends this far around its characters."""
+LIKE_PRINT = 0.1
+"""Of the commonest density: characters on colours that are rarer among them are not print on the sheet."""
+PART = 0.1
+"""Of the characters of the largest part: smaller parts are clutter."""
+MIDDLE = 0.25
+"""Of the photo: half axes of the ellipse that replaces the print if none was found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,27 +36,26 @@ class PrintPlace:
 
 def place_print(reduced: ReducedPhoto, characters: Points | None) -> PrintPlace:
     """Place of the print; without print, an ellipse in the middle of the photo."""
-    p = PrintPlaceParameters()
     height, width = reduced.colors.shape[:2]
-    if characters is None or len(characters) < p.least_characters:
+    if characters is None:
         x0, y0, x1, y1 = reduced.window
         middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
-        core = _ellipse((height, width), middle, np.diag([x1 - x0, y1 - y0]) * p.middle)
+        core = _ellipse((height, width), middle, np.diag([x1 - x0, y1 - y0]) * MIDDLE)
         return PrintPlace(core, core, np.zeros((0, 2)))
     place = reduced.from_photo(characters)
     at = np.clip(np.round(place).astype(int), 0, [width - 1, height - 1])
     code = color_codes(reduced.colors[at[:, 1], at[:, 0]])
     density = color_density(code)[code]
-    kept = density >= p.like_print * np.percentile(density, 90)
+    kept = density >= LIKE_PRINT * np.percentile(density, 90)
     place, at = place[kept], at[kept]
     mask = np.zeros((height, width), np.uint8)
     mask[at[:, 1], at[:, 0]] = 1
-    radius = max(int(p.radius * max(height, width)), 1)
+    radius = max(int(RADIUS * max(height, width)), 1)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     mask = np.asarray(cv2.dilate(mask, kernel), np.uint8)
     count, labels, _, _ = label_components(mask)
     held = np.bincount(labels[at[:, 1], at[:, 0]], minlength=count)
-    large = held >= p.part * held.max()
+    large = held >= PART * held.max()
     large[0] = False
     chosen = large[labels]
     place = place[chosen[at[:, 1], at[:, 0]]]

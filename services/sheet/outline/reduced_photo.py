@@ -12,27 +12,23 @@ from services.geometry.homographies import from_resized
 from services.imaging.channels import length_of_channels, strongest_channel
 from services.imaging.reduction import GROUND_PX, Halves
 
-
-@dataclass(frozen=True, slots=True)
-class ReductionParameters:
-    """How far the photo is reduced, and what counts as a black band."""
-
-    medium_long_side_px: int = 1600
-    """Edges are followed at half of this at least, before they are measured in the photo itself."""
-    closing: float = 1 / 60
-    """Of the long side: wider than a line of print."""
-    contrast: tuple[float, float] = (3.0, 8.0)
-    """Colour difference (CIE Lab) on which an edge counts half: at least and at most, ..."""
-    unrest_factor: float = 3.0
-    """... this many times the variation of the photo, ..."""
-    unrest_percentile: float = 80.0
-    """... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
-    band_level: int = 10
-    """Brightness of padding at most; JPEG leaves some."""
-    band_difference: int = 2
-    """Pixels of the reduced photo by which the bands on both sides differ at most."""
-    band_share: float = 0.85
-    """Share of a band's border at which the photo begins at the same row or column."""
+# How far the photo is reduced, and what counts as a black band.
+MEDIUM_LONG_SIDE_PX = 1600
+"""Edges are followed at half of this at least, before they are measured in the photo itself."""
+CLOSING = 1 / 60
+"""Of the long side: wider than a line of print."""
+CONTRAST = (3.0, 8.0)
+"""Colour difference (CIE Lab) on which an edge counts half: at least and at most, ..."""
+UNREST_FACTOR = 3.0
+"""... this many times the variation of the photo, ..."""
+UNREST_PERCENTILE = 80.0
+"""... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
+BAND_LEVEL = 10
+"""Brightness of padding at most; JPEG leaves some."""
+BAND_DIFFERENCE = 2
+"""Pixels of the reduced photo by which the bands on both sides differ at most."""
+BAND_SHARE = 0.85
+"""Share of a band's border at which the photo begins at the same row or column."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,15 +67,14 @@ class ReducedPhoto:
 
 def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     """Reduce `photo` (H, W, 3) to the size at which its sheet is searched."""
-    p = ReductionParameters()
     halves = Halves.of(photo)
     height, width = halves.image.shape[:2]
     factor = min(1.0, GROUND_PX / max(height, width))
     small, _ = _halved(halves, 2 * GROUND_PX)
     small = _resized(small, round(width * factor), round(height * factor))
     size = (small.shape[1], small.shape[0])
-    x0, y0, x1, y1 = window = _without_bands(small, p)
-    side = max(int(p.closing * max(size)) | 1, 3)
+    x0, y0, x1, y1 = window = _without_bands(small)
+    side = max(int(CLOSING * max(size)) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     # Padded, or a narrow strip of desk at the photo's border would be closed with the print.
     wide = cv2.copyMakeBorder(
@@ -89,21 +84,21 @@ def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     closed = small.copy()
     closed[y0 : y1 + 1, x0 : x1 + 1] = cv2.medianBlur(np.ascontiguousarray(blank), 3)
     colors = cv2.cvtColor(closed.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
-    return ReducedPhoto(np.asarray(colors), factor, _edge_contrast(colors, window, p), window)
+    return ReducedPhoto(np.asarray(colors), factor, _edge_contrast(colors, window), window)
 
 
 def medium_photo(photo: Halves) -> tuple[RgbImage, float]:
     """The photo (H, W, 3) with its print, at the size at which edges are followed, and its factor."""
-    return _halved(photo, ReductionParameters().medium_long_side_px)
+    return _halved(photo, MEDIUM_LONG_SIDE_PX)
 
 
-def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int], p: ReductionParameters) -> float:
+def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int]) -> float:
     """Colour difference on which an edge in `colors` (h, w, 3) counts half."""
     x0, y0, x1, y1 = window
     shown = np.asarray(cv2.blur(colors[y0 : y1 + 1, x0 : x1 + 1], (3, 3)))
     steps = [shown[3:, :-3] - shown[:-3, :-3], shown[:-3, 3:] - shown[:-3, :-3]]
     difference = np.maximum(*(length_of_channels(step) for step in steps))
-    return float(np.clip(p.unrest_factor * np.percentile(difference, p.unrest_percentile), *p.contrast))
+    return float(np.clip(UNREST_FACTOR * np.percentile(difference, UNREST_PERCENTILE), *CONTRAST))
 
 
 def _halved(halves: Halves, long_side_px: int) -> tuple[RgbImage, float]:
@@ -122,19 +117,19 @@ def _resized(image: RgbImage, width: int, height: int) -> RgbImage:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _without_bands(small: RgbImage, p: ReductionParameters) -> tuple[int, int, int, int]:
+def _without_bands(small: RgbImage) -> tuple[int, int, int, int]:
     """First and last column and row that are not in a black band.
 
     Bands are as long as the photo and equally wide on both sides, and what follows them begins everywhere at once;
     a sheet on a black ground does not.
     """
-    dark = strongest_channel(small) <= p.band_level
-    x0, x1 = _trimmed(dark, p)
-    y0, y1 = _trimmed(dark[:, x0 : x1 + 1].T, p)
+    dark = strongest_channel(small) <= BAND_LEVEL
+    x0, x1 = _trimmed(dark)
+    y0, y1 = _trimmed(dark[:, x0 : x1 + 1].T)
     return x0, y0, x1, y1
 
 
-def _trimmed(dark: Mask, p: ReductionParameters) -> tuple[int, int]:
+def _trimmed(dark: Mask) -> tuple[int, int]:
     """First and last column of `dark` (rows, columns) that are not in a band."""
     count = dark.shape[1]
     lit = np.flatnonzero((~dark).any(axis=0))
@@ -143,7 +138,7 @@ def _trimmed(dark: Mask, p: ReductionParameters) -> tuple[int, int]:
     # One column of mixed pixels lies between.
     first, last = int(lit[0]) + 1, int(lit[-1]) - 1
     widths = (first - 1, count - 2 - last)
-    begins = [(~dark[:, at]).mean() >= p.band_share for at in (min(first, last), max(first, last))]
-    if min(widths) < 1 or abs(widths[0] - widths[1]) > p.band_difference or not all(begins):
+    begins = [(~dark[:, at]).mean() >= BAND_SHARE for at in (min(first, last), max(first, last))]
+    if min(widths) < 1 or abs(widths[0] - widths[1]) > BAND_DIFFERENCE or not all(begins):
         return 0, count - 1
     return first, last

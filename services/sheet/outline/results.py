@@ -20,6 +20,12 @@ SIDE_POINTS = 60
 """Of a side that is seen whole, about."""
 LEAST_POINTS = 8
 """Of a side that counts as seen: fewer tell no direction beyond their noise."""
+LEAST_SEEN = 0.35
+"""Share of a side on which its edge is seen; of less, the other sides tell more about where it runs."""
+WHOLE_SIDE = 0.9
+"""This share of a side is seen where it is seen nearly from end to end."""
+CORNER_BEYOND = 0.3
+"""A corner that is not seen lies at most so far outside of what is, in sizes of the sheet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,6 @@
 """Rating of closed curves as boundaries of a sheet."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,33 +15,30 @@ UNSEEN_CORNERS = 0.5
 """Share of known corners where none is in view."""
 
 
-@dataclass(frozen=True, slots=True)
-class ScoringParameters:
-    """Weights of the evidence for a curve; colours are CIE Lab."""
-
-    border_px: float = 2.5
-    """Of the reduced photo: nearer to its border a curve is out of view."""
-    out_of_view: float = 0.35
-    """Score of a piece out of view, in full edges."""
-    concavity: float = 4.0
-    """Weight of the share of the convex hull that the curve leaves out."""
-    evidence: tuple[float, float, float, float] = (8.7, 3.2, 3.8, 8.1)
-    """Weights of `outline_features`: logistic regression on outlines of 54 real and 36 simulated photos, with and
-    without characters; of those above 0.95, 99 % were right, of 0.5-0.8 58 %, below 0.2 none."""
-    prior: float = -17.2
-    creased: float = 0.03
-    """Of the hull's area: what creased sheets leave out."""
-    lasting: int = 9
-    """An edge keeps its contrast over this many of 200 points."""
-    misfit: float = 5.0
-    """Weight of the distance from four smooth sides, beyond ..."""
-    crease_misfit: float = 0.01
-    """... what creases make of it."""
-    most_misfit: float = 0.06
-    false_print: float = 0.1
-    """Share of the characters outside that may be texture of a desk; what lies outside beyond it counts."""
-    area: float = 0.35
-    """Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
+# Weights of the evidence for a curve; colours are CIE Lab.
+BORDER_PX = 2.5
+"""Of the reduced photo: nearer to its border a curve is out of view."""
+OUT_OF_VIEW = 0.35
+"""Score of a piece out of view, in full edges."""
+CONCAVITY = 4.0
+"""Weight of the share of the convex hull that the curve leaves out."""
+EVIDENCE = (8.7, 3.2, 3.8, 8.1)
+"""Weights of `outline_features`: logistic regression on outlines of 54 real and 36 simulated photos, with and
+without characters; of those above 0.95, 99 % were right, of 0.5-0.8 58 %, below 0.2 none."""
+PRIOR = -17.2
+CREASED = 0.03
+"""Of the hull's area: what creased sheets leave out."""
+LASTING = 9
+"""An edge keeps its contrast over this many of 200 points."""
+MISFIT = 5.0
+"""Weight of the distance from four smooth sides, beyond ..."""
+CREASE_MISFIT = 0.01
+"""... what creases make of it."""
+MOST_MISFIT = 0.06
+FALSE_PRINT = 0.1
+"""Share of the characters outside that may be texture of a desk; what lies outside beyond it counts."""
+AREA = 0.35
+"""Weight of the logarithm of the area: of two good curves the outer one is the sheet."""
 
 
 def rate_curve(
@@ -58,35 +54,34 @@ def rate_curve(
     `characters` (N, 2) are the sheet's, on the reduced photo. A curve is rated as if it held `least_share` of the photo
     at least; what is out of view says nothing if its edge is that `of_view`.
     """
-    p = ScoringParameters()
     points = smooth_closed(resample_closed(curve, 200), 3)
     normals = outward_normals(points, 3)
     x0, y0, x1, y1 = reduced.window
-    b = p.border_px
+    b = BORDER_PX
     shown = (
         (points[:, 0] > x0 + b) & (points[:, 0] < x1 - b) & (points[:, 1] > y0 + b) & (points[:, 1] < y1 - b)
     )
     inner = _ring(reduced.colors, points, normals, (-4.0, -3.0, -2.0))
     outer = _ring(reduced.colors, points, normals, (2.0, 3.0, 4.0))
     # The step has a direction in colour space that lasts along an edge; in a texture it changes.
-    difference = np.linalg.norm(smooth_closed(inner - outer, p.lasting), axis=1)
+    difference = np.linalg.norm(smooth_closed(inner - outer, LASTING), axis=1)
     strength = difference**2 / (difference**2 + reduced.contrast**2)
     rating = float(strength[shown].mean()) if of_view and shown.any() else None
     if rating is None:
-        rating = float(np.where(shown, strength, p.out_of_view).mean())
+        rating = float(np.where(shown, strength, OUT_OF_VIEW).mean())
     corners = split_sides(points, shown)
-    misfit = p.most_misfit if corners is None else min(corners.misfit, p.most_misfit)
-    rating -= p.misfit * max(misfit - p.crease_misfit, 0.0)
+    misfit = MOST_MISFIT if corners is None else min(corners.misfit, MOST_MISFIT)
+    rating -= MISFIT * max(misfit - CREASE_MISFIT, 0.0)
     flat = points.astype(np.float32)
     area = float(cv2.contourArea(flat))
     hull = max(float(cv2.contourArea(cv2.convexHull(flat))), 1e-9)
-    rating -= p.concavity * max(1 - area / hull - p.creased, 0.0)
+    rating -= CONCAVITY * max(1 - area / hull - CREASED, 0.0)
     whole = float((x1 - x0) * (y1 - y0))
-    rating += p.area * float(np.log(max(area, least_share * whole, 1.0) / whole))
+    rating += AREA * float(np.log(max(area, least_share * whole, 1.0) / whole))
     if len(characters):
         some = characters[:: max(len(characters) // 100, 1)]
         lost = 1.0 - float(_inside(points, some).mean())
-        rating -= max(lost - p.false_print, 0.0)
+        rating -= max(lost - FALSE_PRINT, 0.0)
     return rating
 
 
@@ -145,9 +140,8 @@ def rate_outline(
 
     Of two outlines the better one has more corners. Whether it is right, the corners `of_view` tell.
     """
-    p = ScoringParameters()
     z = (
-        float(np.dot(p.evidence, outline_features(sides, located, rating, of_view=of_view, goes_on=goes_on)))
-        + p.prior
+        float(np.dot(EVIDENCE, outline_features(sides, located, rating, of_view=of_view, goes_on=goes_on)))
+        + PRIOR
     )
     return float(1 / (1 + np.exp(-z)))

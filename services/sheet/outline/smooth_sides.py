@@ -4,7 +4,7 @@ import numpy as np
 
 from services.arrays import Points, Vector
 from services.robust import fit_reweighted, geman_mcclure_weights, robust_scale
-from services.sheet.outline.corners import CornerParameters, Corners, meet
+from services.sheet.outline.corners import NOTCH, Corners, meet
 from services.sheet.outline.edges import EdgePoints
 
 LEAST_SCALE_PX = 0.3
@@ -16,7 +16,6 @@ def smooth_sides(edge: EdgePoints, corners: Corners) -> list[Points] | None:
 
     None where a corner or a side is out of view, or where the edge is nowhere far from them.
     """
-    p = CornerParameters()
     count = len(edge.points)
     if not edge.shown[corners.indices].all():
         return None
@@ -32,7 +31,7 @@ def smooth_sides(edge: EdgePoints, corners: Corners) -> list[Points] | None:
         sides.append(curve)
         chord = float(np.linalg.norm(edge.points[start] - edge.points[end]))
         far = max(far, float(np.abs(curve.distance(edge.points[index])).max()) / max(chord, 1.0))
-    if far < p.notch:
+    if far < NOTCH:
         return None
     found = []
     for k in range(4):

@@ -22,13 +22,11 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.photo_frame import PhotoFrame
-from services.robust import CAUCHY_WIDTH, cauchy_weights, robust_scale
+from services.robust import CAUCHY_WIDTH, REWEIGHTED_FITS, cauchy_weights, robust_scale
 from services.sheet.developable.observations import LineObservations
 from services.texture_flow.field import FlowSamples, angle_difference
 from services.texture_flow.minor import blur_of_strokes
 
-ROUNDS = 8
-"""Of reweighted least squares."""
 BEND_TERMS = 5
 """Of each polynomial of a bend: a page of a book bends within a tenth of its width."""
 BEND_UNKNOWNS = 2 + 2 * BEND_TERMS
@@ -200,7 +198,7 @@ def _fit(terms: Floats, values: Vector, weights: Vector, prior: int | None = Non
         held[prior:] = BEND_DEVIATION**-2
     found: Vector = np.zeros(terms.shape[1])
     scale = np.inf
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTED_FITS):
         rest = weights * (values - terms @ found)
         loss = np.ones(len(rest)) if np.isinf(scale) else cauchy_weights(rest, CAUCHY_WIDTH * scale)
         weighted = terms * (weights**2 * loss)[:, None]

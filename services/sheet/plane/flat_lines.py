@@ -62,7 +62,6 @@ def rescale_deviations(parameters: RefinementParameters, scales: tuple[float, fl
         parameters,
         baseline_factor=parameters.baseline_factor * baseline,
         spacing=parameters.spacing * spacing,
-        spacing_between=parameters.spacing_between * spacing,
     )
 
 
@@ -119,7 +118,7 @@ class LineTerms:
         self._kind_begins = _begins(self._kind)
         # A short paragraph knows its spacing less well: its own deviation is added to the common one.
         own = p.spacing * np.sqrt(12.0) / np.maximum(self._sizes_alike, 1.0) ** 1.5
-        self._alike_deviation = np.hypot(p.spacing_between, own)
+        self._alike_deviation = np.hypot(p.spacing, own)
         self._ends, self._margin = _flat([members for members, _ in o.margins])
         left = np.array([side == "left" for _, side in o.margins], bool)
         self._left = left[self._margin]

@@ -9,7 +9,6 @@ from services.arrays import Floats, Homography, Points
 from services.contract.rectify import Crop
 from services.geometry.focal_prior import FocalLengthSource
 from services.geometry.homographies import transform_points, translation
-from services.geometry.page_frame import TEXT_FRAMING
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.sheet_aspect import SheetAspect
@@ -73,10 +72,14 @@ class PhotoAsPage:
         """See `PageShape`."""
         turn = self.H_centred_plane
         if crop == "text" or (self.box is None and paper is not None):
-            framing = TEXT_FRAMING if crop == "text" else None
             H_photo_plane = view.H_photo_centred @ turn
             return frame_page(
-                H_photo_plane, (view.height, view.width), points, text_height_px, paper, framing
+                H_photo_plane,
+                (view.height, view.width),
+                points,
+                text_height_px,
+                paper,
+                only_text=crop == "text",
             )
         whole = (0, 0, view.width - 1, view.height - 1)
         left, top, right, bottom = whole if crop == "photo" or self.box is None else self.box

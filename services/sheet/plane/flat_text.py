@@ -14,12 +14,10 @@ from services.geometry.planar import PagePlane
 from services.sheet.developable.observations import LineObservations
 from services.sheet.tracing.baselines import Baselines, CharacterRows, chain_characters, fit_baselines
 from services.sheet.tracing.line_tracing import trace_rows
-from services.sheet.tracing.page_text import TracedText
+from services.sheet.tracing.page_text import MOST_PIXELS, TracedText
 
 FLAT_SCALE = 1.2
 """Resolution of the flat ink over that of the text: a mapping without this surplus would merge strokes."""
-MOST_INK_PX = 8e6
-"""Bound of the flat ink's size, for every plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +52,7 @@ def flatten_text(text: TracedText, view: PhotoFrame, plane: PagePlane) -> FlatTe
     margin = 2 * text.height_px * text.factor / float(np.median(density))
     low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
     scale = FLAT_SCALE * float(np.median(density))
-    scale = min(scale, float(np.sqrt(MOST_INK_PX / np.prod(high - low))))
+    scale = min(scale, float(np.sqrt(MOST_PIXELS / np.prod(high - low))))
     H_flat_plane = scaling(scale) @ translation(-float(low[0]), -float(low[1]))
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     H_reduced_flat = H_reduced_plane @ np.linalg.inv(H_flat_plane)

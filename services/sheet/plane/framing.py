@@ -6,8 +6,12 @@ import numpy as np
 
 from services.arrays import Floats, Homography, Points
 from services.geometry.homographies import jacobians, scaling, transform_points, translation
-from services.geometry.page_frame import FramingParameters, within_bounds
+from services.geometry.page_frame import DETAIL_PERCENTILE, PAPER_MARGIN, TEXT_MARGIN, within_bounds
 
+REACH = 1.0
+"""How far, in sizes of the text, the view goes beyond the text when the paper's edge is not seen."""
+SHEET_REACH = 8.0
+"""The same when it is: a bound for what cannot be a sheet."""
 VISIBLE_POINTS = 60
 """Points across and down the photo by which its visible part of the plane is bounded."""
 
@@ -39,34 +43,35 @@ def frame_page(
     text_points: Points,
     text_height_px: float,
     paper: Points | None,
-    parameters: FramingParameters | None = None,
+    *,
+    only_text: bool = False,
 ) -> FlatFrame:
     """View of the whole sheet, or, without an outline, of the part of the photo that is near the text.
 
     The photo has `photo_shape` (height, width) pixels. `text_points` (N, 2) are centres of characters, and `paper`
-    (M, 2) is the sheet's outline if it was found, all in photo pixels.
+    (M, 2) is the sheet's outline if it was found, all in photo pixels. A view of `only_text` has
+    its margins alone, and no outline.
     """
-    p = parameters or FramingParameters()
     H_plane_photo = np.linalg.inv(H_photo_plane)
     text = transform_points(H_plane_photo, text_points)
     scale = 1 / np.sqrt(
         np.abs(np.linalg.det(jacobians(H_plane_photo, text_points)))
     )  # photo px per plane unit
-    resolution = float(np.percentile(scale, p.detail_percentile))
+    resolution = float(np.percentile(scale, DETAIL_PERCENTILE))
     low, high = text.min(axis=0), text.max(axis=0)
-    margin = p.text_margin * text_height_px / float(np.median(scale))
+    margin = TEXT_MARGIN * text_height_px / float(np.median(scale))
     low, high = low - margin, high + margin
-    reach = (p.max_reach if paper is None else p.max_sheet_reach) * float((high - low).max())
-    visible_low, visible_high = _visible(H_plane_photo, photo_shape, low - reach, high + reach)
+    beyond = (0.0 if only_text else REACH if paper is None else SHEET_REACH) * float((high - low).max())
+    visible_low, visible_high = _visible(H_plane_photo, photo_shape, low - beyond, high + beyond)
     if paper is None:
         low, high = np.minimum(low, visible_low), np.maximum(high, visible_high)
     else:
         sheet = _in_front(H_plane_photo, paper, text_points)
-        rim = p.paper_margin * float((high - low).max())
+        rim = PAPER_MARGIN * float((high - low).max())
         low = np.maximum(np.minimum(low, sheet.min(axis=0) - rim), visible_low)
         high = np.minimum(np.maximum(high, sheet.max(axis=0) + rim), visible_high)
     extent = high - low
-    resolution = within_bounds(resolution, (extent[0], extent[1]), photo_shape[0] * photo_shape[1], p)
+    resolution = within_bounds(resolution, (extent[0], extent[1]), photo_shape[0] * photo_shape[1])
     width, height = (max(round(v * resolution), 1) for v in extent)
     H_plane_flat = translation(float(low[0]), float(low[1])) @ scaling(1 / resolution) @ translation(0.5, 0.5)
     return FlatFrame(H_photo_plane @ H_plane_flat, width, height)

@@ -11,8 +11,8 @@ from services.geometry.homographies import transform_points
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import MAX_TILT_RAD, PagePlane
 from services.geometry.sheet_aspect import SheetAspect
-from services.robust import CAUCHY_WIDTH, cauchy_weights, robust_scale
-from services.sheet.outline.results import LEAST_POINTS, SheetOutline, SheetSide
+from services.robust import CAUCHY_WIDTH, REWEIGHTED_FITS, cauchy_weights, robust_scale
+from services.sheet.outline.results import LEAST_POINTS, LEAST_SEEN, SheetOutline, SheetSide
 from services.sheet.plane.known_formats import AspectBelief, weigh_formats
 from services.sheet.plane.straight_lines import (
     HELD,
@@ -28,15 +28,11 @@ from services.sheet.plane.straight_lines import (
 )
 from services.sheet.shape import NoShape
 
-LINE_FITS = 8
-"""Reweighted fits of a side's line; the weights then change no more."""
 SQUARE_SIZE = 0.05
 """Half the side of the square by which scales are compared, centred units: small against the perspective."""
 
 
 # Which sides are used, and when their plane is accepted. Lengths are shares of the side's length.
-MIN_SEEN = 0.25
-"""If a smaller share of a side is seen, the other sides show its direction better."""
 OVERLAP = 4.0
 """Neighbouring points of an edge share pixels and the paper's waves: this many count as one."""
 BEND_SHARE = 0.5
@@ -151,11 +147,11 @@ def _fit_side(side: SheetSide, p: OutlinePlaneParameters) -> tuple[Points, Point
     points, deviations = side.points, np.maximum(side.deviations, 1e-6)
     known = np.isfinite(points).all(axis=1) & np.isfinite(deviations)
     points, deviations = points[known], deviations[known]
-    if len(points) < LEAST_POINTS or side.seen < MIN_SEEN:
+    if len(points) < LEAST_POINTS or side.seen < LEAST_SEEN:
         return None
     weights = 1 / deviations**2
     middle, along, off = _weighted_line(points, weights)
-    for _ in range(LINE_FITS):
+    for _ in range(REWEIGHTED_FITS):
         scale = CAUCHY_WIDTH * np.maximum(deviations, robust_scale(off))
         weights = cauchy_weights(off, scale) / deviations**2
         middle, along, off = _weighted_line(points, weights)

@@ -8,7 +8,6 @@ import numpy as np
 from services.arrays import Floats, Points
 from services.contract.rectify import Crop
 from services.geometry.focal_prior import FocalLengthSource
-from services.geometry.page_frame import TEXT_FRAMING
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
@@ -72,6 +71,7 @@ class PlanarPage:
         self, view: PhotoFrame, points: Points, text_height_px: float, paper: Points | None, crop: Crop
     ) -> FlatFrame:
         """See `PageShape`."""
-        framing = TEXT_FRAMING if crop == "text" else None
         H_photo_plane = view.H_photo_centred @ self.plane.H_centred_plane
-        return frame_page(H_photo_plane, (view.height, view.width), points, text_height_px, paper, framing)
+        return frame_page(
+            H_photo_plane, (view.height, view.width), points, text_height_px, paper, only_text=crop == "text"
+        )

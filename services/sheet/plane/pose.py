@@ -1,6 +1,6 @@
 """Choice of the pose by the evidence: refined, closed form, or a rotation within the photo without tilt."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from services.sheet.plane.refinement import RefinedPlane, joint_cost, refine_pla
 from services.sheet.plane.straight_lines import StraightLines, along_axes, side_directions
 from services.sheet.shape import EXIF_CONTRADICTED, ShapeSource
 from services.sheet.surfaces import MAX_MAGNIFICATION_RATIO
+from services.sheet.tracing.line_tracing import FEW_LINES
 from services.texture_flow.field import FlowSamples, angle_difference, mean_deviation
 
 TEXT_BELIEVED = Notice(
@@ -60,15 +61,10 @@ STRAY_RAD = np.deg2rad(8.0)
 grain of a desk. Text lines of bent and crumpled sheets are within 3 degrees."""
 ASLANT_RAD = np.deg2rad(5.0)
 """A larger angle between the print and its sheet is reported as a warning."""
-FEW_LINES = 6
 
 
-@dataclass(frozen=True, slots=True)
-class PoseParameters:
-    """When a pose is accepted."""
-
-    rounds: int = 2
-    """Fits to traced text lines: one starts from the closed form, and another one traces lines in its view."""
+ROUNDS = 2
+"""Fits to traced text lines: one starts from the closed form, and another one traces lines in its view."""
 
 
 def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
@@ -78,10 +74,10 @@ def level_plane(major: FlowSamples, prior: FocalPrior) -> PagePlane:
     return PagePlane(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), float(np.exp(prior.log_focal)))
 
 
-def start_plane(evidence: PageEvidence, prior: FocalPrior, p: PoseParameters) -> PagePlane:
+def start_plane(evidence: PageEvidence, prior: FocalPrior) -> PagePlane:
     """The plane of the vanishing points in closed form; without tilt where no camera sees that."""
     start = estimate_plane(evidence.vanishing_points, prior)
-    return start if is_plausible(start, evidence.characters, p) else level_plane(evidence.major, prior)
+    return start if is_plausible(start, evidence.characters) else level_plane(evidence.major, prior)
 
 
 def level_text(plane: PagePlane, major: FlowSamples) -> PagePlane:
@@ -111,7 +107,7 @@ def flow_deviation(plane: PagePlane, major: FlowSamples, minor: FlowSamples, min
     )
 
 
-def is_plausible(plane: PagePlane, text_points: Points, parameters: PoseParameters) -> bool:
+def is_plausible(plane: PagePlane, text_points: Points) -> bool:
     """No vanishing line through the text, no extreme tilt, no extreme magnification (centred coordinates)."""
     H = np.linalg.inv(plane.H_centred_plane)
     w = denominators(H, text_points)
@@ -127,8 +123,8 @@ def refine_pose(
     evidence: PageEvidence,
     prior: FocalPrior,
     start: PagePlane,
-    p: PoseParameters,
     sides: StraightLines | None = None,
+    rounds: int = ROUNDS,
 ) -> tuple[RefinedPlane, FlatText]:
     """Refine a pose in rounds: each detects text lines in the view of the one before, and uses its deviations.
 
@@ -136,10 +132,10 @@ def refine_pose(
     """
     e, parameters = evidence, for_text(evidence.text.height_px)
     flat = flatten_text(e.text, e.view, start)
-    for number in range(p.rounds):
+    for number in range(rounds):
         seen = observe_lines(flat.baselines, flat.H_centred_flat, parameters)
         found = refine_plane(start, prior, e.major, e.minor, e.vanishing_points, seen, parameters, sides)
-        if number + 1 == p.rounds or not is_plausible(found.plane, e.characters, p):
+        if number + 1 == rounds or not is_plausible(found.plane, e.characters):
             break
         parameters, start = rescale_deviations(parameters, found.scales), found.plane
         if not flat.baselines.level_within(LEVEL_RAD):
@@ -151,8 +147,8 @@ def refine_with_sides(
     evidence: PageEvidence,
     prior: FocalPrior,
     start: PagePlane,
-    p: PoseParameters,
     sheet: SheetSides | None,
+    rounds: int = ROUNDS,
 ) -> tuple[RefinedPlane, FlatText, bool]:
     """The refined plane, the text in its last view, and whether the sides of the `sheet` agree with the plane.
 
@@ -162,29 +158,29 @@ def refine_with_sides(
     """
     e = evidence
     if sheet is None:
-        return *refine_pose(e, prior, start, p), False
+        return *refine_pose(e, prior, start, rounds=rounds), False
     focal = sheet.focal_prior(prior)
     found: list[tuple[float, RefinedPlane, FlatText, bool]] = []
     for first in (start,) if sheet.plane is None else (sheet.plane.plane, start):
         level = level_text(first, e.major)
-        if not is_plausible(level, e.characters, p):
+        if not is_plausible(level, e.characters):
             continue
         sides = along_axes(level, sheet.lines)
-        refined, flat = refine_pose(e, focal, level, p, sides)
-        agree = sides_agree(refined, sides, p)
-        cost = joint_cost(refined, e.major, e.minor, e.vanishing_points, sides, for_text(e.text.height_px))
+        refined, flat = refine_pose(e, focal, level, sides, rounds)
+        agree = sides_agree(refined, sides)
+        cost = joint_cost(refined, e.major, e.minor, e.vanishing_points, sides)
         found.append((cost, refined, flat, agree))
         if agree and len(sides) > 2:
             break
     if focal is not prior and not any(agree for *_, agree in found):
-        return refine_with_sides(e, prior, start, p, replace(sheet, belief=None))
+        return refine_with_sides(e, prior, start, replace(sheet, belief=None), rounds)
     if not found:
-        return *refine_pose(e, prior, start, p), False
+        return *refine_pose(e, prior, start, rounds=rounds), False
     _, refined, flat, agree = min(found, key=lambda candidate: candidate[0])
     return refined, flat, agree
 
 
-def sides_agree(refined: RefinedPlane, sides: StraightLines, p: PoseParameters) -> bool:
+def sides_agree(refined: RefinedPlane, sides: StraightLines) -> bool:
     """Whether all of the sheet's sides lie along the page's axes, as far as they are known."""
     off = np.abs(side_directions(refined.plane, sides, refined.skew_rad))
     return bool((off < np.maximum(SIDE_RAD, SIDE_DEVIATIONS * sides.direction_deviations_rad)).all())
@@ -193,8 +189,8 @@ def sides_agree(refined: RefinedPlane, sides: StraightLines, p: PoseParameters) 
 def choose_pose(
     evidence: PageEvidence,
     prior: FocalPrior,
-    parameters: PoseParameters | None = None,
     sheet: SheetSides | None = None,
+    rounds: int = ROUNDS,
 ) -> PlanarPage:
     """Choose the pose of a page: refined, closed form, or a rotation without tilt, with the reason.
 
@@ -204,23 +200,22 @@ def choose_pose(
         Text, flows and vanishing points.
     prior
         Of the focal length.
-    parameters
-        Limits of what is accepted.
     sheet
         Sides of the sheet, where they are seen. A plane that agrees with them needs no support by the flows, which
         are unreliable with sparse text.
+    rounds
+        Of the fit.
 
     Returns
     -------
     PlanarPage
         The plane and its notices.
     """
-    p = parameters or PoseParameters()
     e, major, minor = evidence, evidence.major, evidence.minor
     characters = e.characters
     level = level_plane(major, prior)
-    start = start_plane(e, prior, p)
-    refined, flat, agree = refine_with_sides(e, prior, start, p, sheet)
+    start = start_plane(e, prior)
+    refined, flat, agree = refine_with_sides(e, prior, start, sheet, rounds)
     notices: list[Notice] = []
     tension = focal_tension(refined, prior)
     drawn = abs(float(np.log(refined.plane.focal)) - prior.log_focal)
@@ -228,11 +223,11 @@ def choose_pose(
         notices += [EXIF_CONTRADICTED] if prior.source == "exif" else []
         prior = typical_focal_prior()
         sheet = None if sheet is None else sheet.under(prior)
-        refined, flat, agree = refine_with_sides(e, prior, refined.plane, p, sheet)
+        refined, flat, agree = refine_with_sides(e, prior, refined.plane, sheet, rounds)
     plane = refined.plane
     gentle = flow_deviation(level, major, minor, MINOR_SHARE)
     trusted = agree and sheet is not None and (sheet.plane is not None or len(sheet.lines) == PAIR)
-    if not is_plausible(plane, characters, p):
+    if not is_plausible(plane, characters):
         plane, trusted = level, False
         notices.append(
             Notice(
@@ -252,7 +247,7 @@ def choose_pose(
     sources: tuple[ShapeSource, ...] = ("text", "outline") if trusted else ("text",)
     skew = refined.skew_rad if trusted else 0.0
     by_sides = sheet.plane if trusted and sheet is not None else None
-    if by_sides is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0), p):
+    if by_sides is not None and is_stray(refined, flow_deviation(plane, major, minor, 0.0)):
         plane, sources, skew = by_sides.plane, ("outline",), 0.0
     aspect = sheet.aspect_in(plane) if trusted and sheet is not None else None
     uncertain = refined.log_aspect_deviation if aspect is None else aspect.log_deviation
@@ -264,7 +259,7 @@ def choose_pose(
             min(flow_deviation(other, major, minor, 0.0) for other in planes)
             for planes in ((plane,), (level, start))
         )
-        notices += disagreement(sheet, refined, trusted, lines, without, p)
+        notices += disagreement(sheet, refined, trusted, lines, without)
     return PlanarPage(
         plane,
         prior.source if plane is level else prior.source_beside(refined.log_focal_deviation),
@@ -292,19 +287,19 @@ def aspect_uncertain(log_deviation: float, *, by_format: bool = False) -> Notice
     )
 
 
-def is_stray(refined: RefinedPlane, deviation_rad: float, p: PoseParameters) -> bool:
+def is_stray(refined: RefinedPlane, deviation_rad: float) -> bool:
     """Whether the lines found on a sheet are not text, or too few to turn the view against the sides of the sheet."""
     aslant = abs(refined.skew_rad) > TEXT_RAD and refined.lines < FEW_LINES
     return deviation_rad > STRAY_RAD or aslant
 
 
 def disagreement(
-    sheet: SheetSides, refined: RefinedPlane, trusted: bool, lines: float, without: float, p: PoseParameters
+    sheet: SheetSides, refined: RefinedPlane, trusted: bool, lines: float, without: float
 ) -> list[Notice]:
     """Notices if text and outline disagree; the deviation (rad) of the text is `lines`, and `without` the sides."""
     if not trusted:
         return [TEXT_BELIEVED] if sheet.plane is not None else []
-    if lines > without + TEXT_RAD or is_stray(refined, lines, p):
+    if lines > without + TEXT_RAD or is_stray(refined, lines):
         return [EDGES_BELIEVED]
     if abs(refined.skew_rad) > ASLANT_RAD:
         return [

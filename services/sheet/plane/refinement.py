@@ -94,9 +94,7 @@ class FlowObservations:
         return np.concatenate(found, axis=-1)
 
 
-def observe_flows(
-    major: FlowSamples, minor: FlowSamples, points: FlowVanishingPoints, p: RefinementParameters
-) -> FlowObservations:
+def observe_flows(major: FlowSamples, minor: FlowSamples, points: FlowVanishingPoints) -> FlowObservations:
     """Flow observations, with deviations by how well the tangents of each flow meet in its vanishing point."""
     major_spread = float(np.hypot(FLOW_FLOOR_RAD, points.horizontal.residual_rad))
     minor_spread = float(np.hypot(STROKE_FLOOR_RAD, points.vertical.residual_rad))
@@ -110,9 +108,7 @@ def observe_flows(
     )
 
 
-def side_residuals(
-    plane: PagePlane, sides: StraightLines, skew_rad: float, p: RefinementParameters
-) -> Vector:
+def side_residuals(plane: PagePlane, sides: StraightLines, skew_rad: float) -> Vector:
     """Residuals (N + 1,) under Cauchy's loss of the sheet's sides and of the skew."""
     off = side_directions(plane, sides, skew_rad) / sides.direction_deviations_rad
     skew = np.array([skew_rad / SKEW_RAD])
@@ -125,12 +121,11 @@ def joint_cost(
     minor: FlowSamples,
     points: FlowVanishingPoints,
     sides: StraightLines,
-    parameters: RefinementParameters,
 ) -> float:
     """Half the sum of the residuals of flows and sides, squared under their losses; they need no traced text lines."""
     H = np.linalg.inv(refined.plane.H_centred_plane)
-    flows = soft_l1(observe_flows(major, minor, points, parameters).residuals(H, refined.slant_rad))[0]
-    edges = side_residuals(refined.plane, sides, refined.skew_rad, parameters)
+    flows = soft_l1(observe_flows(major, minor, points).residuals(H, refined.slant_rad))[0]
+    edges = side_residuals(refined.plane, sides, refined.skew_rad)
     return 0.5 * float(flows @ flows + edges @ edges)
 
 
@@ -175,7 +170,7 @@ def refine_plane(
     """
     p = parameters or RefinementParameters()
     has_sides = sides is not None and len(sides) > 0
-    flows, terms = observe_flows(major, minor, points, p), LineTerms(observations, p)
+    flows, terms = observe_flows(major, minor, points), LineTerms(observations, p)
 
     def plane_of(x: Vector) -> PagePlane:
         focal = min(max(math.exp(min(float(x[3]), 700.0)), MIN_FOCAL), MAX_FOCAL)
@@ -213,7 +208,7 @@ def refine_plane(
         ]
         parts = [np.array(focal_and_slant), tilt(x) / TILT_RAD]
         if sides is not None and has_sides:
-            parts.append(side_residuals(plane_of(x), sides, float(x[5]), p))
+            parts.append(side_residuals(plane_of(x), sides, float(x[5])))
         if principal_point is not None:
             parts.append((x[5:7] - principal_point.mean) / np.array(principal_point.deviations))
         return np.concatenate(parts)

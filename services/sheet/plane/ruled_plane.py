@@ -9,14 +9,12 @@ from services.geometry.focal_prior import FocalPrior
 from services.geometry.homographies import from_resized
 from services.geometry.photo_frame import PhotoFrame
 from services.geometry.vanishing_points import estimate_vanishing_point
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import PRINT_PX, reduce_image
 from services.sheet.plane.outline_plane import OutlinePlane, plane_from_lines
 from services.sheet.plane.straight_lines import StraightLines
 from services.sheet.shape import NoShape
 
 # When straight print is clear enough to show a plane. Lengths are shares of the photo's half diagonal.
-LONG_SIDE_PX = 1200
-"""Long side of the image in which lines are searched: rules are one pixel wide there."""
 MIN_LENGTH = 0.06
 """Shorter segments are strokes of drawings and letters."""
 KERNEL_RAD = float(np.deg2rad(3.0))
@@ -75,7 +73,7 @@ def plane_from_rules(gray: GrayImage, view: PhotoFrame, prior: FocalPrior) -> Ou
 
 def find_segments(gray: GrayImage, view: PhotoFrame) -> tuple[Points, Points]:
     """Both ends (N, 2) of straight segments (von Gioi et al. 2010, "LSD"), in centred unit coordinates."""
-    factor = min(1.0, LONG_SIDE_PX / max(gray.shape))
+    factor = min(1.0, PRINT_PX / max(gray.shape))
     found = cv2.createLineSegmentDetector().detect(reduce_image(gray, factor))[0]
     if found is None:
         return np.zeros((0, 2)), np.zeros((0, 2))

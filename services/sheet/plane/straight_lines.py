@@ -221,9 +221,7 @@ def _at_right_angles(plane_of_sight: Floats, other: Floats, focal: float) -> Flo
     return np.asarray(direction * np.array([focal, focal, 1.0]))
 
 
-def fit_line_plane(
-    lines: StraightLines, prior: FocalPrior, start: PagePlane, robust_deviations: float | None = None
-) -> LinePlane:
+def fit_line_plane(lines: StraightLines, prior: FocalPrior, start: PagePlane) -> LinePlane:
     """Fit rotation (3) and log focal length to straight lines by least squares (Levenberg-Marquardt).
 
     Parameters
@@ -234,8 +232,6 @@ def fit_line_plane(
         Of the focal length; always squared.
     start
         Plane from which the fit starts.
-    robust_deviations
-        Scale of Cauchy's loss of the lines, in their deviations; None for squares.
 
     Returns
     -------
@@ -247,12 +243,10 @@ def fit_line_plane(
     def cost(plane: PagePlane) -> float:
         r = line_directions(plane, lines) / deviations
         pull = (np.log(plane.focal) - prior.log_focal) / prior.deviation
-        if robust_deviations is not None:
-            r = robust_deviations * np.sqrt(np.log1p((r / robust_deviations) ** 2))
         return float(r @ r + pull**2)
 
     plane, least, damping = start, cost(start), FIRST_DAMPING
-    A, r = _linearized(plane, lines, prior, robust_deviations)
+    A, r = _linearized(plane, lines, prior)
     for _ in range(MAX_STEPS):
         information = A[:, :4].T @ A[:, :4]
         damped = information + damping * np.diag(np.diag(information) + 1e-9)
@@ -261,7 +255,7 @@ def fit_line_plane(
         tried = cost(moved)
         if tried <= least:
             plane, least, damping = moved, tried, DAMPING_FALL * damping
-            A, r = _linearized(plane, lines, prior, robust_deviations)
+            A, r = _linearized(plane, lines, prior)
         else:
             damping *= DAMPING_RISE
         if float(np.abs(step).max()) < SMALL_STEP:
@@ -275,14 +269,10 @@ def _moved(plane: PagePlane, step: Vector) -> PagePlane:
     return PagePlane(plane.rotation @ rotation_from_vector(step[:3]), focal)
 
 
-def _linearized(
-    plane: PagePlane, lines: StraightLines, prior: FocalPrior, robust_deviations: float | None
-) -> tuple[Floats, Vector]:
+def _linearized(plane: PagePlane, lines: StraightLines, prior: FocalPrior) -> tuple[Floats, Vector]:
     """Derivatives and residuals (N + 1, 5), in deviations, that of the prior in the last row; and the angles (N,)."""
     r, J = _directions(plane.rotation, plane.focal, lines)
     weights = 1 / lines.direction_deviations_rad
-    if robust_deviations is not None:
-        weights = weights / np.sqrt(1 + (r * weights / robust_deviations) ** 2)
     rows = np.column_stack([J, r]) * weights[:, None]
     pull = (np.log(plane.focal) - prior.log_focal) / prior.deviation
     return np.vstack([rows, [[0.0, 0.0, 0.0, 1 / prior.deviation, pull]]]), r
@@ -323,7 +313,7 @@ def neighbouring_fits(
     The observations are both points of each line, and the prior. They are independent, so the standard deviation of a
     value that follows from the fit is the root of the sum of its squared changes.
     """
-    A, r = _linearized(fit.plane, lines, prior, None)
+    A, r = _linearized(fit.plane, lines, prior)
     inverse = np.linalg.pinv(A[:, :4])
     for row in range(len(lines)):
         deviation = float(lines.deviations[row])

@@ -332,7 +332,7 @@ class SheetResiduals:
         found = []
         for k, view in enumerate(self.observed.views):
             placed, camera = mesh.place(grid[self.slices[10 + k]]), self._camera(k)
-            found.append(view_residuals(view, x[camera], placed, mesh.focal, self.globals_at, camera.start))
+            found.append(view_residuals(view, x[camera], placed, self.globals_at, camera.start))
         return found
 
     def _priors(self, x: Vector) -> ResidualBlock:

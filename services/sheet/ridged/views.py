@@ -82,12 +82,12 @@ class OtherView:
 
 
 def view_residuals(
-    view: OtherView, change: Vector, placed: PlacedPoints, focal: float, focal_at: int, camera_at: int
+    view: OtherView, change: Vector, placed: PlacedPoints, focal_at: int, camera_at: int
 ) -> ResidualBlock:
     """Distances, in deviations, of the sheet's points from where the other photo shows them.
 
-    `placed` are the points of the sheet that the first camera, of length `focal`, sees at `view.points`; the unknowns
-    of this focal length and of the other camera begin at `focal_at` and `camera_at`.
+    `placed` are the points of the sheet that the first camera sees at `view.points`; the unknowns of its focal
+    length and of the other camera begin at `focal_at` and `camera_at`.
     """
     camera, count = view.camera.moved(change), len(view.points)
     X = placed.X

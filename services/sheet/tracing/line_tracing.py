@@ -33,6 +33,8 @@ from services.sheet.tracing.baselines import (
 )
 from services.sheet.tracing.page_text import TracedText
 
+FEW_LINES = 10
+"""Fewer lines show little of a page's shape."""
 STRAIGHT = 0.04
 """RMS deviation of text lines from straight ones, in text heights, that flat pages have too; it is not visible."""
 NO_WORSE = 1.05

@@ -10,6 +10,8 @@ from services.arrays import Floats, GrayImage, Mask, Points
 from services.geometry.homographies import resizing
 from services.geometry.photo_frame import PhotoFrame
 
+MOST_PIXELS = 8e6
+"""Bound of a flat view in which lines are sought, for every shape."""
 CLOSING = 8.0
 """Gaps in the text's area that are filled, in text heights: words whose characters were not recognized as such."""
 

@@ -117,7 +117,7 @@ class Ridges:
     base: Vector
 
 
-def find_ridges(flat: FlatGray, p: ProfileParameters) -> tuple[Ridges, Vector]:
+def find_ridges(flat: FlatGray) -> tuple[Ridges, Vector]:
     """Ridges of the darkness in every window, and the windows' middle columns."""
     h = flat.height_px
     width, step = max(round(WINDOW * h), 3) | 1, max(round(STEP * h), 1)
@@ -229,7 +229,7 @@ def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
     """Observations of all text lines of the flat view, in centred coordinates of the photo."""
     p = ProfileParameters()
     h = flat.height_px
-    ridges, columns = find_ridges(flat, p)
+    ridges, columns = find_ridges(flat)
     chains = link_ridges(ridges, h, p)
     if not chains:
         return NO_LINES
@@ -242,7 +242,7 @@ def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
         for edge, y in enumerate((ridges.base[members], ridges.crown[members])):
             pieces.append(np.stack([x, y], axis=1)[k % thin :: thin])
             index.append(np.full(len(pieces[-1]), 2 * k + edge))
-        ends.append(_line_ends(flat, x, ridges.crown[members], ridges.base[members], p))
+        ends.append(_line_ends(flat, x, ridges.crown[members], ridges.base[members]))
     pixels = np.concatenate(pieces)
     deviations_px = np.full(len(pixels), DEVIATION * h)
     return observe_lines(
@@ -258,7 +258,7 @@ def trace_profiles(flat: FlatGray, page_map: PageMap) -> LineObservations:
 
 
 def _line_ends(
-    flat: FlatGray, x: Vector, crown: Vector, base: Vector, p: ProfileParameters
+    flat: FlatGray, x: Vector, crown: Vector, base: Vector
 ) -> tuple[float, float, float, float, float]:
     """First and last inked column of a line with its baseline there, and the line's height."""
     h = flat.height_px

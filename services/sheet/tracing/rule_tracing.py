@@ -19,13 +19,12 @@ from services.imaging.node_grid import take_values
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.tracing.baselines import MIN_LENGTH
 from services.sheet.tracing.line_tracing import sampling_maps
-from services.sheet.tracing.page_text import TracedText
+from services.sheet.tracing.page_text import MOST_PIXELS, TracedText
 from services.sheet.tracing.profile_tracing import ProfileParameters, Ridges, link_ridges
 
 # Lengths with `px` are pixels of the reduced photo, where rules are one to three wide; others are text heights.
 BEYOND = 0.15
 """Rules are searched this far beyond the text, as a share of its extent."""
-MOST_PIXELS = 4e6
 WINDOW_PX = 11
 """Of one average: a rule at ten degrees rises by two pixels in it."""
 HALF_WIDTH_PX = 3

@@ -7,7 +7,7 @@ from PIL import Image, ImageDraw, ImageFont
 from services.arrays import RgbImage
 from services.contract.rectify import PageKind, RectifyParameters
 from services.errors import DocumentError, NoText
-from services.geometry.page_frame import FramingParameters
+from services.geometry.page_frame import MAX_ENLARGEMENT, MAX_GROWTH, SMALL_VIEW_PX
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
 from simulation.degradation import PHONE
@@ -39,10 +39,10 @@ def check(result: RectifyResult, photo: RgbImage) -> None:
     assert np.isfinite(result.mesh).all()
     pixels = result.image.shape[0] * result.image.shape[1]
     # Small print is drawn larger than the photo shows it, in views of a few megapixels.
-    framing, shown = FramingParameters(), photo.shape[0] * photo.shape[1]
-    enlarged = min(framing.small_view_px, framing.max_enlargement**2 * framing.max_growth * shown)
+    shown = photo.shape[0] * photo.shape[1]
+    enlarged = min(SMALL_VIEW_PX, MAX_ENLARGEMENT**2 * MAX_GROWTH * shown)
     # So is what lies beside a page that is turned.
-    assert pixels <= 1.1 * max(framing.max_growth * shown, enlarged) + 100
+    assert pixels <= 1.1 * max(MAX_GROWTH * shown, enlarged) + 100
     assert min(result.image.shape[:2]) >= 1
     assert result.camera.focal_length_px is not None
     assert np.isfinite(result.camera.focal_length_px)

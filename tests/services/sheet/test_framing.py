@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from services.arrays import Floats, Points
-from services.geometry.page_frame import FramingParameters, mesh_of, resize_frame, turn_frame
+from services.geometry.page_frame import MAX_GROWTH, mesh_of, resize_frame, turn_frame
 from services.geometry.page_map import PlaneMap
 from services.geometry.photo_frame import PhotoFrame
+from services.sheet import framing
 from services.sheet.developable.surface import DevelopableSurface, bend_basis
-from services.sheet.framing import CurvedFrame, CurvedFramingParameters, frame_curved_page
+from services.sheet.framing import CurvedFrame, frame_curved_page
 from tests.services.sheet.curved_views import BentView
 from tests.services.sheet.developable.sheets import FLAT, Bent, box
 
@@ -118,13 +119,16 @@ def stretches(frame: CurvedFrame, text: Points) -> Floats:
 
 
 @pytest.mark.parametrize("turn", [(0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)])
-def test_margins_end_where_they_would_be_stretched(turn: tuple[float, float, float]) -> None:
+def test_margins_end_where_they_would_be_stretched(
+    turn: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
     # The page leans: its one side is near, its other far.
     bent = replace(FLAT, anchor=(0.0, 0.0), turn=turn, skew=0.0, focal=1.0)
     seen = replace(SEEN, bent=bent, half=(0.12, 0.12))
+    monkeypatch.setattr(framing, "REACH", 2.0)
     for limit in (1.3, 1e9):
-        parameters = CurvedFramingParameters(reach=2.0, max_stretch=limit)
-        frame = frame_curved_page(seen.surface, seen.view, seen.characters, 5.0, None, parameters)
+        monkeypatch.setattr(framing, "MAX_STRETCH", limit)
+        frame = frame_curved_page(seen.surface, seen.view, seen.characters, 5.0, None)
         found = stretches(frame, frame.to_flat(seen.characters))
         if limit == 1.3:
             assert 0.95 / 1.3 < found.min() < 0.85
@@ -134,14 +138,11 @@ def test_margins_end_where_they_would_be_stretched(turn: tuple[float, float, flo
             assert found.max() > 1.7
 
 
-@pytest.mark.parametrize("growth", [1.6, 0.5, 0.1])
-def test_the_output_is_bounded_by_the_photo(growth: float) -> None:
+def test_the_output_is_bounded_by_the_photo() -> None:
     near = replace(SEEN, bent=replace(SEEN.bent, focal=0.9, turn=(0.6, 0.5, 0.0)), half=(0.25, 0.25))
     for seen in (SEEN, near):
-        frame = frame_curved_page(
-            seen.surface, seen.view, seen.characters, 5.0, None, framing=FramingParameters(max_growth=growth)
-        )
-        assert frame.width * frame.height <= growth * seen.width * seen.height * 1.01
+        frame = frame_curved_page(seen.surface, seen.view, seen.characters, 5.0, None)
+        assert frame.width * frame.height <= MAX_GROWTH * seen.width * seen.height * 1.01
 
 
 def test_the_output_is_bounded_for_any_map() -> None:

@@ -10,8 +10,8 @@ import pytest
 from services.errors import NoText
 from services.rectify.analysis.page_analysis import PICTURE_SHARE
 from services.rectify.shape_choice import text_check
-from services.rectify.shape_choice.hypotheses import FEW_LINES
 from services.rectify.shape_choice.text_check import SHEET_CONFIDENCE, LinesAcross, check_text
+from services.sheet.tracing.line_tracing import FEW_LINES
 
 
 @pytest.mark.parametrize("lines", [FEW_LINES - 1, FEW_LINES])

@@ -211,7 +211,7 @@ def test_paragraphs_that_are_alike_have_one_spacing() -> None:
     assert np.allclose(found[:8], 0, atol=1e-9)
     logs = np.log([0.1, 0.11])
     mean = (3 * logs[0] + 5 * logs[1]) / 8
-    deviation = np.hypot(P.spacing_between, P.spacing * np.sqrt(12) / np.array([3, 5]) ** 1.5)
+    deviation = np.hypot(P.spacing, P.spacing * np.sqrt(12) / np.array([3, 5]) ** 1.5)
     assert np.allclose(found[8:], (logs - mean) / deviation, atol=1e-6)
 
 

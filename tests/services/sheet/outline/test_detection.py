@@ -100,7 +100,7 @@ def test_a_band_as_dark_as_the_desk_belongs_to_the_sheet(side: int, share: float
     cv2.fillPoly(photo, [np.round(band).astype(np.int32)], (70, 40, 44), cv2.LINE_AA)
     x, y = np.meshgrid(np.arange(150, 500, 12), np.arange(160, 660, 20))
     text = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
-    _, corner = _errors(find_outline(photo, text, 10.0), sides_of(CORNERS), CORNERS)
+    _, corner = _errors(find_outline(photo, text), sides_of(CORNERS), CORNERS)
     assert corner < 5.0
 
 
@@ -162,7 +162,7 @@ def test_a_sheet_that_leaves_the_photo_at_one_side_is_believed_on_a_desk_of_wood
     away = np.array([[0, -330], [300, 0], [0, 330], [-300, 0]])[side]
     corners = CORNERS.mean(axis=0) + 0.8 * (CORNERS - CORNERS.mean(axis=0)) + away
     inside = np.clip(_print_on(corners), 60, np.array(SIZE) - 60)
-    outline = find_outline(_on_wood(corners), inside, 8.0)
+    outline = find_outline(_on_wood(corners), inside)
     assert outline is not None
     assert outline.confidence > BELIEVED_CONFIDENCE
     assert [s.seen < 0.1 for s in outline.sides] == [k == side for k in range(4)]
@@ -176,7 +176,7 @@ def test_a_receipt_whose_ends_leave_the_photo_is_followed_to_its_border(line: in
     corners = np.array([[180.0, -150.0], [470.0, -150.0], [500.0, 980.0], [160.0, 980.0]])
     photo = _on_wood(corners)
     photo[60 : 60 + line, 192:464] = 40
-    outline = find_outline(photo, _print_on(corners), 8.0)
+    outline = find_outline(photo, _print_on(corners))
     assert outline is not None
     assert outline.confidence > BELIEVED_CONFIDENCE
     assert [round(side.seen, 1) for side in outline.sides] == [0.0, 1.0, 0.0, 1.0]
@@ -190,7 +190,7 @@ def test_a_receipt_whose_ends_leave_the_photo_is_followed_to_its_border(line: in
 
 def test_a_receipt_that_ends_in_the_photo_ends_there() -> None:
     corners = np.array([[180.0, -150.0], [470.0, -150.0], [490.0, 700.0], [165.0, 700.0]])
-    outline = find_outline(_on_wood(corners), _print_on(np.clip(corners, 0, 820)), 8.0)
+    outline = find_outline(_on_wood(corners), _print_on(np.clip(corners, 0, 820)))
     assert outline is not None
     assert [round(side.seen, 1) for side in outline.sides] == [0.0, 1.0, 1.0, 1.0]
     assert outline.polygon[:, 1].max() < 705
@@ -216,7 +216,7 @@ def test_letters_that_the_border_cuts_are_no_edge() -> None:
 def test_a_small_sheet_that_holds_the_print_is_believed() -> None:
     corners = np.array([300.0, 400.0]) + 0.4 * (CORNERS - CORNERS.mean(axis=0))
     photo = draw_sheet(sides_of(corners), SIZE)
-    outline = find_outline(photo, _print_on(corners), 4.0)
+    outline = find_outline(photo, _print_on(corners))
     _, corner = _errors(outline, sides_of(corners), corners)
     assert corner < 1.0
     assert outline is not None
@@ -261,7 +261,7 @@ def test_print_on_the_desk_does_not_mislead() -> None:
     print_points = CORNERS.min(axis=0) + 90 + rng.random((120, 2)) * [250, 400]
     false_points = rng.random((60, 2)) * SIZE
     side, corner = _errors(
-        find_outline(photo, np.concatenate([print_points, false_points]), 8.0), sides_of(CORNERS), CORNERS
+        find_outline(photo, np.concatenate([print_points, false_points])), sides_of(CORNERS), CORNERS
     )
     assert side < 0.5
     assert corner < 1.0
@@ -292,7 +292,7 @@ def test_a_lit_stripe_of_a_desk_is_no_part_of_the_sheet(width: int) -> None:
     cv2.fillPoly(sheet, [np.round(sides).astype(np.int32)], 1)
     x, y = np.meshgrid(np.arange(150, 500, 12), np.arange(160, 660, 20))
     text = np.column_stack([x.ravel(), y.ravel()]).astype(np.float64)
-    outline = find_outline(np.where(sheet[..., None] > 0, photo, lit), text, 10.0)
+    outline = find_outline(np.where(sheet[..., None] > 0, photo, lit), text)
     side, corner = _errors(outline, sides, CORNERS)
     assert side < 1.0
     assert corner < 1.5

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from services.arrays import Homography, Points
 from services.geometry.camera import plane_to_image
 from services.geometry.homographies import scaling, transform_points, translation
-from services.geometry.page_frame import FramingParameters, mesh_of, resize_frame, turn_frame
+from services.geometry.page_frame import MAX_GROWTH, mesh_of, resize_frame, turn_frame
+from services.sheet.plane import framing
 from services.sheet.plane.framing import FlatFrame, frame_page
 
 SHAPE = (1350, 1050)
@@ -130,8 +131,7 @@ def test_growth_is_bounded_whatever_the_pose(
     H = lean(tilt, azimuth, roll, focal)
     text = print_on(H, (220.0, 300.0))
     frame = frame_page(H, SHAPE, text, 10.0, text if sheet else None)
-    p = FramingParameters()
-    assert 1 <= frame.width * frame.height <= 1.01 * p.max_growth * SHAPE[0] * SHAPE[1]
+    assert 1 <= frame.width * frame.height <= 1.01 * MAX_GROWTH * SHAPE[0] * SHAPE[1]
     assert max(frame.width, frame.height) <= 20000
     assert np.isfinite(frame.H_photo_flat).all()
     flat = seen_in(frame, text)
@@ -160,12 +160,13 @@ def test_most_text_keeps_its_pixels() -> None:
     assert (enlargement >= 0.999).mean() == pytest.approx(0.85, abs=0.02)
 
 
-def test_pixel_centres_of_the_frame() -> None:
+def test_pixel_centres_of_the_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(framing, "PAPER_MARGIN", 0.0)
     # A frame that covers the plane from (low) to (high) has its first pixel's edge at low.
     H = translation(*CENTRE)
     text = print_on(H, (150.0, 250.0))
     sheet = np.array([[300.0, 400.0], [700.0, 400.0], [700.0, 1000.0], [300.0, 1000.0]])
-    frame = frame_page(H, SHAPE, text, 1.0, sheet, FramingParameters(paper_margin=0.0))
+    frame = frame_page(H, SHAPE, text, 1.0, sheet)
     assert (frame.width, frame.height) == (400, 600)
     first = transform_points(frame.H_photo_flat, np.array([[0.0, 0.0], [399.0, 599.0]]))
     assert np.allclose(first, [[300.5, 400.5], [699.5, 999.5]])

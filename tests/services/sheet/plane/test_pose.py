@@ -15,7 +15,6 @@ from services.sheet.plane.flat_text import flatten_text
 from services.sheet.plane.outline_plane import SheetSides, read_sides
 from services.sheet.plane.planar_page import PlanarPage
 from services.sheet.plane.pose import (
-    PoseParameters,
     choose_pose,
     flow_deviation,
     is_plausible,
@@ -210,7 +209,7 @@ TEXT = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(-0.6, 0.6, 9)
 )
 def test_poses_that_can_be_and_that_cannot(tilt_deg: float, focal: float, believed: bool) -> None:
     plane = photograph_plane(View("any", 2300.0, tilt_deg, 90.0, 0.0))
-    assert is_plausible(PagePlane(plane.rotation, focal), TEXT, PoseParameters()) == believed
+    assert is_plausible(PagePlane(plane.rotation, focal), TEXT) == believed
 
 
 def test_text_on_both_sides_of_the_horizon_is_not_believed() -> None:
@@ -222,13 +221,13 @@ def test_text_on_both_sides_of_the_horizon_is_not_believed() -> None:
         -1, 2
     )
     below, above = block + np.array([0.0, horizon]), block * [1, -1] + np.array([0.0, horizon])
-    assert is_plausible(plane, below, PoseParameters())
-    assert is_plausible(plane, above, PoseParameters())
-    assert not is_plausible(plane, np.concatenate([below, above]), PoseParameters())
+    assert is_plausible(plane, below)
+    assert is_plausible(plane, above)
+    assert not is_plausible(plane, np.concatenate([below, above]))
 
 
 def test_a_pose_that_is_no_number_is_not_believed() -> None:
-    assert not is_plausible(PagePlane(np.full((3, 3), np.nan), 1.3), TEXT, PoseParameters())
+    assert not is_plausible(PagePlane(np.full((3, 3), np.nan), 1.3), TEXT)
 
 
 def test_flattened_text_shows_level_lines(album: Album) -> None:

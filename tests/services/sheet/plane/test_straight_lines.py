@@ -81,15 +81,3 @@ def test_axes_are_exchanged_where_the_text_runs_along_the_other_sides() -> None:
     assert abs(side_skew(sideways, exchanged)) == pytest.approx(0.1, abs=1e-6)
     assert along_axes(TRUE, sides()) is not None
     assert (along_axes(TRUE, sides()).upright == sides().upright).all()
-
-
-def test_a_robust_fit_leaves_out_a_wild_line() -> None:
-    lines = sides()
-    starts, ends = np.vstack([lines.starts] * 3), np.vstack([lines.ends] * 3)
-    ends[0] += [0.0, 0.1]
-    many = StraightLines(starts, ends, np.full(12, 1e-3), np.tile(lines.upright, 3))
-    start = start_plane(many, PRIOR)
-    assert start is not None
-    robust, plain = (fit_line_plane(many, PRIOR, start, scale).plane for scale in (2.0, None))
-    off = [float(np.abs(plane.rotation - ROTATION).max()) for plane in (robust, plain)]
-    assert off[0] < 0.01 < off[1]
