@@ -44,6 +44,10 @@ def test_rows_that_stand_upright_in_the_view_are_lines_across(monkeypatch: pytes
     analysis = SimpleNamespace(
         text=SimpleNamespace(rejected_fraction=0.1), characters=range(400), paper=SimpleNamespace(share=1.0)
     )
-    shape = SimpleNamespace(sides_believed=False, ends_at_sides=False, line_count=2)
-    with pytest.raises(LinesAcross):
-        check_text(*cast(Any, (analysis, None, shape, None)))
+    quarter = SimpleNamespace(jacobians=lambda at: np.array([[[0.0, 1.0], [-1.0, 0.0]]]))
+    shape = SimpleNamespace(sides_believed=False, ends_at_sides=False, line_count=2, page_map=quarter)
+    evidence = SimpleNamespace(characters=np.zeros((9, 2)))
+    with pytest.raises(LinesAcross) as refusal:
+        check_text(*cast(Any, (analysis, evidence, shape, None)))
+    # The rows of the view run down the photo.
+    assert abs(refusal.value.taken_rad) == pytest.approx(np.pi / 2)
