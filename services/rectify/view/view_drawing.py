@@ -18,10 +18,14 @@ from services.side_by_side import SideStep
 
 
 class ViewDrawing:
-    """Draws the view of a photo that `parameters` ask for. Leaving the `with` block ends what was begun in vain."""
+    """Draws the view of a photo that `parameters` ask for; for `half_colors` see `draw_flat_view`.
 
-    def __init__(self, photo: RgbImage, parameters: RectifyParameters) -> None:
+    Leaving the `with` block ends what was begun in vain.
+    """
+
+    def __init__(self, photo: RgbImage, parameters: RectifyParameters, *, half_colors: bool = False) -> None:
         self._photo = photo
+        self._half_colors = half_colors
         self._parameters = parameters
         self._begun: tuple[Frame, FlatDrawing, SideStep[None]] | None = None
 
@@ -33,7 +37,8 @@ class ViewDrawing:
     def begin(self, page: ShapedPage, frame: Frame, paper: Points | None) -> None:
         """Begin to draw the view of `page` through `frame`, if a processor is spare."""
         self.end()
-        drawing = FlatDrawing(self._photo, self._end_frame(page, frame, self.expected)[0], self._white(paper))
+        end_frame = self._end_frame(page, frame, self.expected)[0]
+        drawing = FlatDrawing(self._photo, end_frame, self._white(paper), half_colors=self._half_colors)
         step = SideStep(drawing.draw)
         if step.is_beside:
             self._begun = frame, drawing, step
@@ -50,7 +55,8 @@ class ViewDrawing:
                 step.result()
                 return drawing.finish(), frame, stretch
         self.end()
-        return draw_flat_view(self._photo, frame, self._white(view.paper)), frame, stretch
+        white = self._white(view.paper)
+        return draw_flat_view(self._photo, frame, white, half_colors=self._half_colors), frame, stretch
 
     def end(self) -> None:
         """Stop a drawing that has begun, and forget it."""
