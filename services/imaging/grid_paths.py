@@ -8,8 +8,8 @@ from services.arrays import Floats, Vector
 
 SHIFT_COST = 0.02
 """Of a path for a step of one column from row to row, in full edges: edges of paper are straight or bend gently."""
-FEW_PATHS = 6
-"""Up to which paths are traced one after the other: a step of one takes 5 us, a step of all together 30."""
+FEW_PATHS = 4
+"""Up to which paths are traced one after the other: a step of one takes 1.2 us, a step of all together 5."""
 
 
 def accumulate_scores(score: Floats, max_shift: int, shift_cost: float) -> Floats:
@@ -68,15 +68,22 @@ def trace_back(
         paths = [_trace_one(padded[grid], int(end), cost) for grid, end in zip(grids, ends, strict=True)]
         return np.array(paths, np.intp).reshape(len(ends), rows)
     values, width = padded.ravel(), columns + 2 * max_shift
-    whence = grids[:, None] * (rows * width) + np.arange(2 * max_shift + 1)
-    together = np.empty((len(ends), rows), np.intp)
-    together[:, -1] = at = np.asarray(ends, np.intp)
+    whence = grids[:, None] * (rows * width) + np.arange(2 * max_shift + 1) + (rows - 1) * width
+    at, together = np.array(ends, np.intp), np.empty((rows, len(ends)), np.intp)
+    together[-1] = at
+    index, near, shift = np.empty_like(whence), np.empty(whence.shape), np.empty_like(at)
     for row in range(rows - 2, -1, -1):
-        near = values.take(whence + (at + row * width)[:, None]) - cost
+        whence -= width
+        np.add(whence, at[:, None], out=index)
+        # All indices are valid: clipping only spares a copy.
+        values.take(index, out=near, mode="clip")
+        np.subtract(near, cost, out=near)
+        near.argmax(axis=1, out=shift)
+        at += shift
+        at -= max_shift
         # Where no path leads to, all is -inf and the first column is taken.
-        at = np.maximum(at + near.argmax(axis=1) - max_shift, 0)
-        together[:, row] = at
-    return together
+        together[row] = np.maximum(at, 0, out=at)
+    return np.ascontiguousarray(together.T)
 
 
 def _trace_one(padded: Floats, end: int, cost: Vector) -> list[int]:
