@@ -325,7 +325,7 @@ def test_a_certain_outline_with_other_colours_around_is_not_sought_again(
 ) -> None:
     monkeypatch.setattr(detection, "improve_candidate", lambda *_: pytest.fail("sought again"))
     truth = sides_of(CORNERS)
-    side, corner = _errors(find_outline(draw_sheet(truth, SIZE), _print_on(CORNERS), 8.0), truth, CORNERS)
+    side, corner = _errors(find_outline(draw_sheet(truth, SIZE), _print_on(CORNERS)), truth, CORNERS)
     assert side < 0.35
     assert corner < 0.8
 
