@@ -102,8 +102,6 @@ class DecodedImage:
     camera: str | None = None
     pixel_aspect: float = 1.0
     """Width of a pixel over its height; `dpi` is the higher resolution of both axes."""
-    half_colors: bool = False
-    """Whether the file holds colours at half the size of `pixels`, as a camera's JPEG does (4:2:0)."""
 
 
 def decode_image(
@@ -163,16 +161,7 @@ def decode_image(
         (size[1], size[0]) if orientation > 4 else size,
         facts.camera,
         1 / facts.pixel_aspect if facts.orientation > 4 else facts.pixel_aspect,
-        upload_format == "jpeg" and reduction == 1 and _has_half_colors(data),
     )
-
-
-def _has_half_colors(data: bytes) -> bool:
-    """Whether a JPEG that was decoded holds colours at half its size, along both axes."""
-    try:
-        return bool(simplejpeg.decode_jpeg_header(data)[3] == "420")
-    except ValueError:  # Pillow has decoded it
-        return False
 
 
 def _reduction(size: tuple[int, int], enough_px: int | None) -> int:

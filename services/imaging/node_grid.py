@@ -41,18 +41,6 @@ def between_nodes(nodes: NDArray[np.float32], width: int, height: int) -> NDArra
     return np.asarray(dense[GRID_STEP_PX:, GRID_STEP_PX:][:height, :width], np.float32)
 
 
-def half_between_nodes(
-    nodes: NDArray[np.float32], width: int, height: int, above: int
-) -> NDArray[np.float32]:
-    """Values (height, width, ...) in the middle of each 2 x 2 of the rectangle's pixels, from those at its nodes.
-
-    The first `above` rows of the answer lie above the rectangle.
-    """
-    step = GRID_STEP_PX // 2
-    dense = cv2.resize(nodes, (nodes.shape[1] * step, nodes.shape[0] * step), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(dense[step - above :, step:][:height, :width], np.float32)
-
-
 def negative_tiles(
     nodes: NDArray[np.float32], width: int, height: int
 ) -> Iterator[tuple[tuple[slice, slice], Mask | None]]:

@@ -47,8 +47,6 @@ class PagePicture(NamedTuple):
     """Pixels of the page, at full size, per pixel of the file, along x and y, after they were made square."""
     original: bytes | None = None
     """The image file, if it has this page only."""
-    half_colors: bool = False
-    """Whether the file holds colours at half the size of `pixels`."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -165,7 +163,6 @@ def page_picture(image: DecodedImage) -> PagePicture:
         image.size,
         image.camera,
         pixel_aspect=image.pixel_aspect,
-        half_colors=image.half_colors,
     )
 
 

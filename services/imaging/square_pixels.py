@@ -28,11 +28,5 @@ def square_pixels(picture: PagePicture, limits: ImageLimits | None = None) -> Pa
     dpi = None if picture.dpi is None else picture.dpi * min(stretch)
     exact = (size[0] / width, size[1] / height)
     return picture._replace(
-        pixels=pixels,
-        dpi=dpi,
-        pixel_aspect=1.0,
-        stretch=exact,
-        full_size=picture.size,
-        focal_length_px=None,
-        half_colors=picture.half_colors and min(stretch) >= 1,
+        pixels=pixels, dpi=dpi, pixel_aspect=1.0, stretch=exact, full_size=picture.size, focal_length_px=None
     )

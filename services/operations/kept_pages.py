@@ -261,8 +261,7 @@ def draw_kept(
             photo = square_pixels(page_picture(decode_image(bundle.photo, OWN)))
         lit, icc_profile = False, photo.icc_profile
         with timed("remap", timings_ms):
-            paper = None if view.part.margin > 0 else view.planned.paper
-            flat = draw_flat_view(photo.pixels, frame, paper, half_colors=photo.half_colors)
+            flat = draw_flat_view(photo.pixels, frame, None if view.part.margin > 0 else view.planned.paper)
     if view.look != "keep" and not lit:
         with timed("illumination", timings_ms):
             flat = normalize_illumination(flat, _places(view, document["answer"]["orientation"]["mirrored"]))

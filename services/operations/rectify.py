@@ -127,8 +127,7 @@ def name_camera(parameters: RectifyParameters, photo: PagePicture) -> RectifyPar
 def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult:
     try:
         engine = ocr_engine(parameters.language)
-        focal_px, half_colors = photo.focal_length_px, photo.half_colors
-        return rectify(photo.pixels, parameters, focal_px, engine, photo.origin, half_colors=half_colors)
+        return rectify(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
     except NoText as refusal:
         if parameters.on_no_text != "keep":
             raise
@@ -138,10 +137,7 @@ def _flatten(photo: PagePicture, parameters: RectifyParameters) -> RectifyResult
 def _flatten_spread(photo: PagePicture, parameters: RectifyParameters) -> RectifiedPages:
     try:
         engine = ocr_engine(parameters.language)
-        focal_px, half_colors = photo.focal_length_px, photo.half_colors
-        return rectify_spread(
-            photo.pixels, parameters, focal_px, engine, photo.origin, half_colors=half_colors
-        )
+        return rectify_spread(photo.pixels, parameters, photo.focal_length_px, engine, photo.origin)
     except NoText as refusal:
         if parameters.on_no_text != "keep":
             raise

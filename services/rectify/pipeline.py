@@ -84,8 +84,6 @@ def rectify(
     ocr: OcrEngine | None = None,
     origin: Origin = "photo",
     effort: Effort = WHOLE,
-    *,
-    half_colors: bool = False,
 ) -> RectifyResult:
     """Flatten the page in a photo: its frontal view, upright.
 
@@ -103,8 +101,6 @@ def rectify(
         Reads lines to find which way is up; without it the view is not turned.
     origin
         Of the photo: a page of a PDF is a page, with or without text, and flat where it is print.
-    half_colors
-        Whether the photo's colours are known at half its size only.
 
     Returns
     -------
@@ -123,7 +119,7 @@ def rectify(
     page = find_page(photo, parameters, exif_focal_length_px, clock, origin, effort=effort)
     if effort.is_brief:
         return _place_page(photo, page, parameters, clock)
-    return flatten_page(photo, page, parameters, ocr, clock, half_colors=half_colors)
+    return flatten_page(photo, page, parameters, ocr, clock)
 
 
 def _place_page(
@@ -148,11 +144,9 @@ def flatten_page(
     parameters: RectifyParameters,
     ocr: OcrEngine | None,
     clock: StageClock,
-    *,
-    half_colors: bool = False,
 ) -> RectifyResult:
     """Flat view of a `page` whose shape is known: choose the frame, judge it, turn it upright, draw it."""
-    with ViewDrawing(photo, parameters, half_colors=half_colors) as drawing:
+    with ViewDrawing(photo, parameters) as drawing:
         with clock.stage("framing"):
             view = best_view(photo, page, parameters, drawing.begin)
         page, analysis = view.page, view.page.analysis

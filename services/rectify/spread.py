@@ -50,12 +50,8 @@ def rectify_spread(
     exif_focal_length_px: float | None = None,
     ocr: OcrEngine | None = None,
     origin: Origin = "photo",
-    *,
-    half_colors: bool = False,
 ) -> RectifiedPages:
     """Frontal flat views of both pages in `photo` (H, W, 3) RGB, the left one first; of one page if only one is found.
-
-    `half_colors`: see `rectify`.
 
     Raises
     ------
@@ -69,13 +65,12 @@ def rectify_spread(
     with progress_within(0.0, 0.5):
         pages = _shape_pages(photo, parameters, exif_focal_length_px, clock)
     if len(pages) < 2:
-        result = rectify(photo, parameters, exif_focal_length_px, ocr, origin, half_colors=half_colors)
+        result = rectify(photo, parameters, exif_focal_length_px, ocr, origin)
         return RectifiedPages((result,), (ONE_PAGE,), clock.timings_ms)
     results = []
     for number, page in enumerate(pages):
         with progress_within(0.5 + 0.25 * number, 0.75 + 0.25 * number):
-            clock_of_page = StageClock(STAGE_BEGINS)
-            results.append(flatten_page(photo, page, parameters, ocr, clock_of_page, half_colors=half_colors))
+            results.append(flatten_page(photo, page, parameters, ocr, StageClock(STAGE_BEGINS)))
     results = [turn_like(result, results) for result in results]
     places = [page.characters.mean(axis=0) for page in pages]
     order = reading_order(places, _line_direction(results))

@@ -10,6 +10,7 @@ import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from itertools import islice
 from pathlib import Path
 
 from services.contract.bounded_patterns import LONGEST_TEXT
@@ -33,6 +34,8 @@ LONGEST_END = 400
 """Characters that are searched at the end of a text longer than `LONGEST_TEXT`."""
 MOST_LINES = 80
 """Lines of a zone that are searched; a column of a page has fewer."""
+MOST_HITS = 600
+"""Largest number of places of one feature in one zone."""
 _WORD = re.compile(r"[^\W_]++")
 _BLANKS = re.compile(r"[^\S\n]++")
 _LINE_ENDS = re.compile(r" ?\n\s*+")
@@ -219,7 +222,7 @@ class ContentFeatures:
         """Add the hits of the phrases that begin at word `number`."""
         for phrase in phrases:
             feature = self._settings[phrase.feature]
-            if sizes[phrase.feature] == 0.0:
+            if sizes[phrase.feature] == 0.0 or len(hits[phrase.feature]) >= MOST_HITS:
                 continue
             end = number + len(phrase.words)
             here = tuple(read.words[number:end])
@@ -256,7 +259,7 @@ def _places(entry: _Pattern, read: _Text) -> Iterable[re.Match[str] | None]:
         case "line":
             return [pattern.match(read.text, start) for start in read.line_starts]
         case "anywhere":
-            return pattern.finditer(read.text) if entry.every else (pattern.search(read.text),)
+            return islice(pattern.finditer(read.text), MOST_HITS if entry.every else 1)
 
 
 def _read(text: str) -> _Text:

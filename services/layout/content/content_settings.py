@@ -28,8 +28,10 @@ FUNCTION_WORDS = "prose"
 Place = Literal["start", "line", "anywhere", "whole"]
 PLACES: tuple[Place, ...] = get_args(Place)
 LISTS = ("phrases", "weak_phrases", "patterns", "weak_patterns")
+LARGEST_FILE = 1 << 20
 MOST_FEATURES = 200
 """Every feature is an attribute of every node of a layout graph."""
+MOST_ENTRIES = 20_000
 
 
 class InvalidContentSettings(ValueError):
@@ -130,6 +132,8 @@ def _lay_over(features: dict[str, FeatureSettings], path: Path) -> None:
 
 def _tables(path: Path) -> dict[str, dict[str, Any]]:
     try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise InvalidContentSettings(path, "", f"larger than {LARGEST_FILE} bytes")
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InvalidContentSettings(path, "", f"cannot be read: {error.strerror}") from error
@@ -153,9 +157,10 @@ def _feature(
     for key, value in table.items():
         where = f"{name}.{key}"
         if key in LISTS:
-            changes[key] = getattr(base, key) + _entries(
-                path, where, value, compiled=key.endswith("patterns")
-            )
+            entries = _entries(path, where, value, compiled=key.endswith("patterns"))
+            changes[key] = getattr(base, key) + entries
+            if len(changes[key]) > MOST_ENTRIES:
+                raise InvalidContentSettings(path, where, f"more than {MOST_ENTRIES} entries")
         elif key not in _GRADES:
             raise InvalidContentSettings(path, where, "no such key")
         else:

@@ -37,6 +37,7 @@ _HYPHENS = ("-", "\u00ac", "\u00ad", "\u2010", "\u2011", "\u2e17")
 _WHOLE = (TABLE, PRINTED_FIGURE)
 """What the TYPE of ComposedBlocks that are one zone begins with: tables (ABBYY, PRImA), figures of ours. It is free by
 the schema."""
+_LONGEST_REFERENCES = 10_000
 """Characters of TAGREFS; they are read for every block in a block."""
 
 
@@ -127,7 +128,7 @@ def _blocks(parent: Element, inherited: tuple[str, ...]) -> Iterator[tuple[Eleme
         if element.tag in _SPACES:
             yield from _blocks(element, inherited)
         elif element.tag in _KINDS:
-            references = (*inherited, element.get("TAGREFS", ""))
+            references = (*inherited, element.get("TAGREFS", "")[:_LONGEST_REFERENCES])
             is_whole = element.get("TYPE", "").lower().startswith(_WHOLE)
             holds_blocks = next(children(element, *_KINDS), None) is not None
             if element.tag == "ComposedBlock" and holds_blocks and not is_whole:

@@ -28,6 +28,12 @@ from services.layout.page import (
 )
 from services.notices import Notice
 
+_MOST_LINES = 100_000
+"""As many as the page may have pixels."""
+_MOST_WORDS = 5000
+_LONGEST_WORD = 1000
+_LARGEST_APPEARANCE = 1e6
+"""All of it are shares and ratios."""
 _EXAMPLE = '{"width": 2480, "height": 3508, "zones": [{"id": "z1", "box": [300, 412, 1180, 655]}]}'
 
 
@@ -69,7 +75,7 @@ def page_from_document(document: Any, limits: ExchangeLimits) -> Page:
                 f"The id {_shown(zone.id)} is that of zones[{first}] already; give every zone an id of its own.",
                 f"zones[{index}].id",
             )
-    return Page(width, height, zones, _printed(document.get("loose"), limits))
+    return Page(width, height, zones, _printed(document.get("loose")))
 
 
 def page_of_blocks(
@@ -179,33 +185,33 @@ def _zone(given: Any, field: str, width: float, height: float, limits: ExchangeL
         id=_id(given, field, limits),
         box=_box(given.get("box"), f"{field}.box", width, height),
         kind=cast(Kind, _choice(given.get("kind"), f"{field}.kind", KINDS) or "text"),
-        lines=_lines(given.get("lines"), f"{field}.lines", limits),
+        lines=_lines(given.get("lines"), f"{field}.lines"),
         font_size=_measure(given.get("font_size"), f"{field}.font_size", limits),
         line_spacing=_measure(given.get("line_spacing"), f"{field}.line_spacing", limits),
         weight=_measure(given.get("weight"), f"{field}.weight", limits),
         alignment=cast(Alignment | None, _choice(given.get("alignment"), f"{field}.alignment", ALIGNMENTS)),
-        appearance=_appearance(given.get("appearance"), f"{field}.appearance", limits),
+        appearance=_appearance(given.get("appearance"), f"{field}.appearance"),
         text=_text(given.get("text"), f"{field}.text", limits),
         content=_content(given.get("content"), f"{field}.content", limits),
         label=_label(given.get("label"), f"{field}.label", limits),
         pieces=_pieces(given.get("pieces"), f"{field}.pieces", width, height, limits),
-        words=_printed(given.get("printed"), limits),
+        words=_printed(given.get("printed")),
     )
 
 
-def _printed(value: Any, limits: ExchangeLimits) -> tuple[ZoneWord, ...]:
+def _printed(value: Any) -> tuple[ZoneWord, ...]:
     """The words of a zone; none where one of them is no word."""
-    if not isinstance(value, list):
+    if not isinstance(value, list) or len(value) > _MOST_WORDS:
         return ()
     words = []
     for each in value:
         if not isinstance(each, list) or len(each) != 7 or not isinstance(each[0], str):
             return ()
         text, *numbers = each
-        if not all(map(is_finite_number, numbers)) or not text:
+        if not all(map(is_finite_number, numbers)) or not 1 <= len(text) <= _LONGEST_WORD:
             return ()
         x0, y0, x1, y1, confidence, line = map(float, numbers)
-        if max(map(abs, (x0, y0, x1, y1, line))) > limits.max_side or not 0 <= confidence <= 1 or line < 0:
+        if max(map(abs, (x0, y0, x1, y1, line))) > _MOST_LINES or not 0 <= confidence <= 1 or line < 0:
             return ()
         words.append(ZoneWord(text, (x0, y0, max(x1, x0 + 1.0), max(y1, y0 + 1.0)), confidence, int(line)))
     return tuple(words)
@@ -269,12 +275,12 @@ def _choice(value: Any, field: str, choices: tuple[str, ...]) -> str | None:
     return cast(str | None, value)
 
 
-def _lines(value: Any, field: str, limits: ExchangeLimits) -> int | None:
+def _lines(value: Any, field: str) -> int | None:
     if value is None:
         return None
-    if not is_finite_number(value) or value != int(value) or not 0 <= value <= limits.max_side:
+    if not is_finite_number(value) or value != int(value) or not 0 <= value <= _MOST_LINES:
         raise InvalidLayout(
-            f"The number of lines is {_shown(value)}; give a whole number from 0 to {limits.max_side:g}, or null.",
+            f"The number of lines is {_shown(value)}; give a whole number from 0 to {_MOST_LINES}, or null.",
             field,
         )
     return int(value)
@@ -290,12 +296,12 @@ def _measure(value: Any, field: str, limits: ExchangeLimits) -> float | None:
     return float(value) or None
 
 
-def _appearance(value: Any, field: str, limits: ExchangeLimits) -> InkAppearance | None:
+def _appearance(value: Any, field: str) -> InkAppearance | None:
     if value is None:
         return None
     names = [each.name for each in fields(InkAppearance)]
     if not isinstance(value, dict) or not all(
-        is_finite_number(value.get(name)) and abs(value[name]) <= limits.max_side for name in names
+        is_finite_number(value.get(name)) and abs(value[name]) <= _LARGEST_APPEARANCE for name in names
     ):
         raise InvalidLayout(
             f"The appearance must be an object with finite numbers {', '.join(names)}, or null.", field

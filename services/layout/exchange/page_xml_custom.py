@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from services.layout.exchange.xml_writing import clean
 
 _CUSTOM_GROUP = re.compile(r"(?<![\w-])([\w-]+)\s*\{([^{}]*)\}")
+_LONGEST_CUSTOM = 10_000
 _TO_ESCAPE = re.compile(r"[\\{}:;,\s]")
 _ESCAPED = re.compile(r"\\u([0-9a-fA-F]{4})")
 
@@ -21,7 +22,7 @@ def write_custom(groups: Mapping[str, Mapping[str, str]]) -> str:
 def read_custom(custom: str) -> dict[str, dict[str, str]]:
     """`name {key:value; ...} ...`; of groups of one name the last counts."""
     groups: dict[str, dict[str, str]] = {}
-    for match in _CUSTOM_GROUP.finditer(custom):
+    for match in _CUSTOM_GROUP.finditer(custom[:_LONGEST_CUSTOM]):
         pairs = (part.partition(":") for part in match[2].split(";"))
         groups[match[1]] = {key.strip(): _unescape(value.strip()) for key, found, value in pairs if found}
     return groups

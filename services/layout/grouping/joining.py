@@ -37,6 +37,7 @@ SPREAD = 0.5
 """Standard deviation of the binary logarithms of widths and heights within a label, as if `USUAL_ZONES` had
 been seen."""
 USUAL_ZONES = 2.0
+_MOST_NOISE = 3
 
 
 WHOLE_FEATURES = (
@@ -103,7 +104,7 @@ def describe_joins(
             _unlikely_size(shares, [known[label] for label in labels]),
             np.log(np.maximum(sides.prod(axis=1), 1e-6)),
             np.log1p(tree.pieces.lines[joins]),
-            [float(noise[list(tree.members[node])].sum()) for node in joins],
+            [min(float(noise[list(tree.members[node])].sum()), _MOST_NOISE) for node in joins],
             np.ones(len(joins)),
         ]
     )

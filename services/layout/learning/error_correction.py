@@ -18,10 +18,11 @@ from services.layout.graph.node_attributes import NUMERIC_ATTRIBUTES
 from services.layout.learning.slopes import cost_slopes
 from services.layout.model.compiled_model import SUREST, CompiledModel
 from services.layout.model.cost import node_terms
-from services.layout.model.layout_model import MOST_WEIGHT
 
 _RATE = 0.1
 """Share by which values move and weights change, and units by which costs of look-up tables do."""
+_MOST = 100.0
+"""Largest weight, and largest cost of a descriptor, after repeated increases."""
 _HALVINGS = 4
 """Number of halvings of a step that does not reduce D."""
 
@@ -46,7 +47,7 @@ def correct_errors(
     slopes = cost_slopes(graph, model, truth) - cost_slopes(graph, model, found)
     return replace(
         model,
-        weights=np.minimum(model.weights * factor, np.maximum(model.weights, MOST_WEIGHT)),
+        weights=np.minimum(model.weights * factor, np.maximum(model.weights, _MOST)),
         label_costs=model.label_costs - _RATE * np.sign(slopes.label_costs),
         relations=_correct_tables(model.relations, slopes.relations),
         counts=model.counts - _RATE * np.sign(slopes.counts),
@@ -106,7 +107,7 @@ def _mean(member: NDArray[np.bool_], values: Array) -> Array:
 def _correct_tables(relations: Array, slopes: Array) -> Array:
     """Look-up tables: more weight to those that favour the right labelling, else its descriptors become cheaper."""
     corrected, rate = relations.copy(), _RATE
-    most = np.maximum(np.abs(relations), MOST_WEIGHT)
+    most = np.maximum(np.abs(relations), _MOST)
     for start, end in pairwise(RELATION_OFFSETS):
         table, slope = relations[:, :, start:end], slopes[:, :, start:end]
         favours_right = ((table * slope).sum(axis=2) < 0)[:, :, None]

@@ -24,11 +24,12 @@ from services.layout.learning.label_transfer import (
     transfer_labels,
     zones_within,
 )
-from services.layout.model.layout_model import LARGEST, MOST_BIAS, PieceStatistics
+from services.layout.model.layout_model import LARGEST, PieceStatistics
 from services.layout.page import Page, Zone
 
 PRIOR = 0.5
 """Precision of a label's log odds about the usual ones: one or two pairs of a sample move them by a unit."""
+MOST_ODDS = 20.0
 LEAST_SIDE = 1e-3
 """Of a zone, as a share of the page."""
 _STEPS = 20
@@ -181,4 +182,4 @@ def most_probable(
         probability = expit(odds + added)
         slope = float((probability - joined).sum()) + prior * (added - about)
         added -= float(np.clip(slope / (float((probability * (1 - probability)).sum()) + prior), -1.0, 1.0))
-    return float(np.clip(added, -MOST_BIAS, MOST_BIAS))
+    return float(np.clip(added, -MOST_ODDS, MOST_ODDS))

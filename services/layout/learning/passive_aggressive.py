@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from services.layout.graph.layout_graph import LayoutGraph
 from services.layout.learning.slopes import SlopeRates, cost_slopes, step_along
-from services.layout.matching import NO_PROOF, match_directly
+from services.layout.matching import MatchingParameters, match_directly
 from services.layout.matching.cost_tables import CostTables
 from services.layout.model.compiled_model import CompiledModel
 from services.layout.model.cost import build_cost_tables
@@ -25,9 +25,15 @@ from services.layout.model.cost import build_cost_tables
 class MarginParameters:
     """Measured on streams of title pages and letters, where bounds of 0.03 to 1 did about equally well."""
 
+    margin: float = 1.0
+    """Required additional cost of a labelling for each zone with a wrong label."""
     aggressiveness: float = 0.1
     """Largest step of one page, the C of PA-I."""
     rates: SlopeRates = field(default_factory=SlopeRates)
+    matching: MatchingParameters = field(
+        default_factory=lambda: MatchingParameters(max_nodes=0, max_sweeps=0)
+    )
+    """Local search only: every labelling that violates the margin is a reason for a step, not only the worst one."""
 
 
 def learn_by_margin(
@@ -39,13 +45,12 @@ def learn_by_margin(
     """The model after one step for a page with true labels `truth` (N,), and whether a step was needed.
 
     With h the labelling of least cost less the margin and h* the true one, the loss is C(h*) - C(h) + margin of h;
-    the step is that of least length which takes it away, or the largest allowed. The margin is 1 for each wrong zone.
-    Every labelling that violates it is a reason for a step, not only the worst one, so that local search is enough.
+    the step is that of least length which takes it away, or the largest allowed.
     """
     tables = build_cost_tables(graph, model)
-    found = match_directly(less_margin(tables, truth), NO_PROOF).labels
+    found = match_directly(less_margin(tables, truth, parameters.margin), parameters.matching).labels
     wrong = np.count_nonzero(found != truth)
-    loss = tables.cost(truth) - tables.cost(found) + wrong
+    loss = tables.cost(truth) - tables.cost(found) + parameters.margin * wrong
     if not wrong or loss <= 0:
         return model, False
     slopes = cost_slopes(graph, model, truth) - cost_slopes(graph, model, found)
@@ -55,8 +60,8 @@ def learn_by_margin(
     return step_along(model, slopes, parameters.rates, min(parameters.aggressiveness, loss / length)), True
 
 
-def less_margin(tables: CostTables, truth: NDArray[np.intp]) -> CostTables:
-    """Tables in which a labelling costs 1 less for each zone that differs from `truth` (N,)."""
-    node = tables.node - 1.0
-    node[np.arange(tables.zones), truth] += 1.0
+def less_margin(tables: CostTables, truth: NDArray[np.intp], margin: float) -> CostTables:
+    """Tables in which a labelling costs `margin` less for each zone that differs from `truth` (N,)."""
+    node = tables.node - margin
+    node[np.arange(tables.zones), truth] += margin
     return replace(tables, node=node)

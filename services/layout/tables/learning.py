@@ -27,6 +27,8 @@ from services.layout.values.kinds import NUMERIC, kind_of
 
 _FAR = 2.5
 """Largest distance of the edges, or the middles, of a column and its header, in em."""
+_MOST_CLIMBED = 60
+"""Rows above the labelled one among which the header is."""
 
 LabelledRow = Mapping[str, tuple[ZoneWord, ...]]
 """The words of each cell of a row by label."""
@@ -219,7 +221,7 @@ def _headers_of(page: TablePage, rows: Sequence[LabelledRow]) -> dict[str, str]:
     top = min(box[1] for box in columns.values())
     printed = printed_rows(words)
     above = [row for row in printed if row.middle < top]
-    for line in reversed(above):
+    for line in reversed(above[-_MOST_CLIMBED:]):
         found = _over_columns(segments_of(line, em), columns, em)
         texts = {label: " ".join(part.text for part in parts) for label, parts in found.items()}
         if len(texts) < min(2, len(columns)) or 2 * len(texts) < len(columns):

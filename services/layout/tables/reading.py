@@ -9,7 +9,6 @@ import numpy as np
 from scipy.special import expit, logit
 
 from services.contract.fields import FieldSetting
-from services.layout.graph.amount_features import MOST_AMOUNTS
 from services.layout.page import Page, ZoneWord
 from services.layout.tables.cell_numbers import number_of
 from services.layout.tables.column_products import product_rule, row_fits
@@ -26,6 +25,8 @@ _CHECKED = 1.5
 """Log odds by which a cell is surer whose row or column adds up, and less sure whose column does not."""
 _UNLIKE = -3.0
 """Log odds of a cell of a row that does not: one of three is wrong."""
+_MOST_AMOUNTS = 60
+"""Amounts below a table that its sum is looked for among; the last ones."""
 _CENT = Decimal("0.02")
 _LARGEST_TAX = Decimal("0.3")
 """Of a sum; the largest rate of a value added tax is 27 % (Hungary)."""
@@ -149,7 +150,7 @@ def _amounts_below(pages: Sequence[Page], found: Sequence[Sequence[FoundTable]])
             for part in segments_of(row, em_of(words)):
                 if kind_of(part.text) == "amount" and (number := number_of(part.text)) is not None:
                     amounts.append(number)
-    return amounts[-MOST_AMOUNTS:]
+    return amounts[-_MOST_AMOUNTS:]
 
 
 def _middle(word: ZoneWord) -> float:

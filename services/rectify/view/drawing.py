@@ -1,7 +1,7 @@
 """Drawing of a view by one remap of the photo, for flat and for bent pages."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -16,12 +16,10 @@ from services.imaging.node_grid import (
     band_nodes,
     between_nodes,
     continuous_nodes,
-    half_between_nodes,
     negative_tiles,
     node_grid,
     take_values,
 )
-from services.rectify.view.color_planes import ROWS_BESIDE, ColorPlanes, half_size
 from services.side_by_side import SideStep
 
 MASK_SIDE_PX = 500
@@ -61,9 +59,7 @@ def draw_gray_view(
     return view
 
 
-def draw_flat_view(
-    photo: RgbImage, frame: Frame, paper: Points | None = None, *, half_colors: bool = False
-) -> RgbImage:
+def draw_flat_view(photo: RgbImage, frame: Frame, paper: Points | None = None) -> RgbImage:
     """Draw the flat view from the photo by one remap at full resolution.
 
     Parameters
@@ -74,15 +70,13 @@ def draw_flat_view(
         Backward map from pixels of the view to photo pixels.
     paper
         (M, 2) photo pixels: the sheet's end. Outside of it the view is white, as on a scanner.
-    half_colors
-        Whether the photo's colours are known at half its size only (`ColorPlanes`).
 
     Returns
     -------
     RgbImage
         (frame.height, frame.width, 3); white where the photo ends.
     """
-    drawing = FlatDrawing(photo, frame, paper, half_colors=half_colors)
+    drawing = FlatDrawing(photo, frame, paper)
     with SideStep(drawing.draw) as beside:
         drawing.draw()
         beside.result()
@@ -95,14 +89,10 @@ class FlatDrawing:
     Nothing is computed before one draws. Bands of rows are the same whoever draws them.
     """
 
-    def __init__(
-        self, photo: RgbImage, frame: Frame, paper: Points | None, *, half_colors: bool = False
-    ) -> None:
+    def __init__(self, photo: RgbImage, frame: Frame, paper: Points | None) -> None:
         self._photo = photo
         self._frame = frame
         self._paper = paper
-        self._half_colors = half_colors
-        self._planes: ColorPlanes | None = None
         self._preparing = threading.Lock()
         self._flat: RgbImage | None = None
         self._nodes: Floats | None = None
@@ -117,18 +107,11 @@ class FlatDrawing:
             band = flat[top : top + BAND_PX]
             if frame.H_photo_flat is None:
                 assert self._map is not None
-                if self._planes is None:
-                    self._map.draw(self._photo, top, cv2.INTER_CUBIC, band)
-                else:
-                    self._map.draw_planes(self._planes, top, band)
-                continue
-            H_photo_band = frame.H_photo_flat @ translation(0.0, float(top))
-            if self._planes is not None:
-                self._planes.draw_plane(H_photo_band, band)
+                self._map.draw(self._photo, top, cv2.INTER_CUBIC, band)
                 continue
             cv2.warpPerspective(
                 self._photo,
-                H_photo_band,
+                frame.H_photo_flat @ translation(0.0, float(top)),
                 (frame.width, len(band)),
                 dst=band,
                 flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
@@ -147,7 +130,6 @@ class FlatDrawing:
         flat = self._prepare()
         if self._paper is not None:
             whiten_beyond(flat, self._frame, self._paper, self._nodes)
-        self._planes = None
         return flat
 
     def _prepare(self) -> RgbImage:
@@ -157,7 +139,6 @@ class FlatDrawing:
                 if frame.H_photo_flat is None:
                     self._nodes = photo_nodes(frame)
                     self._map = _BandMap(self._nodes, 1.0)
-                self._planes = ColorPlanes(self._photo) if self._half_colors else None
                 self._flat = np.full((frame.height, frame.width, 3), 255, np.uint8)
                 # `next` of a range's iterator hands out each band once, whichever thread asks.
                 self._tops = iter(range(0, frame.height, BAND_PX))
@@ -250,28 +231,14 @@ class _BandMap:
     def draw(self, image: NDArray[np.uint8], top: int, interpolation: int, band: NDArray[np.uint8]) -> None:
         """Draw `image` into the `band` of the view whose first row is `top`, a multiple of the nodes' step."""
         rows, width = band.shape[:2]
-        x, y = self._places(top, rows, lambda nodes: between_nodes(nodes, width, rows))
-        white = (255.0,) * (1 if image.ndim == 2 else 3)
-        cv2.remap(image, x, y, interpolation, dst=band, borderMode=cv2.BORDER_CONSTANT, borderValue=white)
-
-    def draw_planes(self, planes: ColorPlanes, top: int, band: RgbImage) -> None:
-        """Draw a photo given as `planes`, as `draw` does."""
-        rows, width = band.shape[:2]
-        half = half_size(width, rows)
-        planes.draw_map(
-            self._places(top, rows, lambda nodes: between_nodes(nodes, width, rows)),
-            self._places(top, rows, lambda nodes: half_between_nodes(nodes, *half, ROWS_BESIDE)),
-            band,
-        )
-
-    def _places(
-        self, top: int, rows: int, between: Callable[[NDArray[np.float32]], NDArray[np.float32]]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Places x and y `between` the nodes round `rows` of the view from `top` on."""
         near = band_nodes(top, rows)
         nodes, known = self._nodes[near], self._known[near]
-        x, y = (between(np.where(known, nodes[..., axis], 0.0).astype(np.float32)) for axis in (0, 1))
+        x, y = (
+            between_nodes(np.where(known, nodes[..., axis], 0.0).astype(np.float32), width, rows)
+            for axis in (0, 1)
+        )
         if not known.all():
             # A pixel next to an unknown node is mapped to a place outside the photo.
-            x[between(known.astype(np.float32)) < 0.999] = -1e6
-        return x, y
+            x[between_nodes(known.astype(np.float32), width, rows) < 0.999] = -1e6
+        white = (255.0,) * (1 if image.ndim == 2 else 3)
+        cv2.remap(image, x, y, interpolation, dst=band, borderMode=cv2.BORDER_CONSTANT, borderValue=white)

@@ -18,14 +18,10 @@ from services.side_by_side import SideStep
 
 
 class ViewDrawing:
-    """Draws the view of a photo that `parameters` ask for; for `half_colors` see `draw_flat_view`.
+    """Draws the view of a photo that `parameters` ask for. Leaving the `with` block ends what was begun in vain."""
 
-    Leaving the `with` block ends what was begun in vain.
-    """
-
-    def __init__(self, photo: RgbImage, parameters: RectifyParameters, *, half_colors: bool = False) -> None:
+    def __init__(self, photo: RgbImage, parameters: RectifyParameters) -> None:
         self._photo = photo
-        self._half_colors = half_colors
         self._parameters = parameters
         self._begun: tuple[Frame, FlatDrawing, SideStep[None]] | None = None
 
@@ -37,8 +33,7 @@ class ViewDrawing:
     def begin(self, page: ShapedPage, frame: Frame, paper: Points | None) -> None:
         """Begin to draw the view of `page` through `frame`, if a processor is spare."""
         self.end()
-        end_frame = self._end_frame(page, frame, self.expected)[0]
-        drawing = FlatDrawing(self._photo, end_frame, self._white(paper), half_colors=self._half_colors)
+        drawing = FlatDrawing(self._photo, self._end_frame(page, frame, self.expected)[0], self._white(paper))
         step = SideStep(drawing.draw)
         if step.is_beside:
             self._begun = frame, drawing, step
@@ -55,8 +50,7 @@ class ViewDrawing:
                 step.result()
                 return drawing.finish(), frame, stretch
         self.end()
-        white = self._white(view.paper)
-        return draw_flat_view(self._photo, frame, white, half_colors=self._half_colors), frame, stretch
+        return draw_flat_view(self._photo, frame, self._white(view.paper)), frame, stretch
 
     def end(self) -> None:
         """Stop a drawing that has begun, and forget it."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import cv2
 import numpy as np
 
-from services.arrays import Points, RgbImage, Vector
+from services.arrays import Points, RgbImage
 from services.sheet.outline.beyond_photo import end_direction, room_to_border
 from services.sheet.outline.edges import EdgePoints, measure_sides
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, WHOLE_SIDE, SheetOutline
@@ -18,12 +18,6 @@ NARROWEST = 0.01
 """Of the diagonal: a band is wider, and nine tenths of a side that both outlines have lie nearer to the other one."""
 FARTHEST = 0.3
 """Of a side's length, by which it may go on."""
-FIRST = 2 * NARROWEST
-"""Of the diagonal: the first piece of a continuation, in which it is seen if it goes on, ..."""
-FIRST_POINTS = 15
-"""... at so many places, about as dense as along the whole of one, ..."""
-FIRST_SEEN = 0.5 * NARROWEST
-"""... up to here at least."""
 GAP = 3
 """Points of a continuation, of 120, that are not seen one after the other: there it ends."""
 
@@ -42,19 +36,16 @@ def band_side(outer: Points, sides: Sequence[Points]) -> int | None:
     """
     diagonal = float(np.linalg.norm(np.ptp(np.concatenate(sides), axis=0)))
     curve = outer.astype(np.float32)
-    apart: list[tuple[int, Vector]] = []
-    for number, side in enumerate(sides):
-        depths = (
-            np.array([cv2.pointPolygonTest(curve, (float(x), float(y)), True) for x, y in side]) / diagonal
-        )
-        if np.quantile(np.abs(depths), 0.9) >= NARROWEST:
-            apart.append((number, depths))
-        if len(apart) > 1:
-            return None
-    if not apart:
+    within = [
+        np.array([cv2.pointPolygonTest(curve, (float(x), float(y)), True) for x, y in side]) / diagonal
+        for side in sides
+    ]
+    shared = [bool(np.quantile(np.abs(depths), 0.9) < NARROWEST) for depths in within]
+    if sum(shared) != 3:
         return None
-    found, beside = apart[0]
-    return found if all(float(np.median(part)) > NARROWEST for part in np.array_split(beside, 3)) else None
+    found = shared.index(False)
+    parts = np.array_split(within[found], 3)
+    return found if all(float(np.median(part)) > NARROWEST for part in parts) else None
 
 
 def round_bands(
@@ -67,42 +58,15 @@ def round_bands(
     seen = [side.points[side.seen] for side in sides]
     diagonal = float(np.linalg.norm(np.ptp(np.concatenate(seen), axis=0)))
     guides = [guide for points in seen for guide in (_way_on(points, window), _way_on(points[::-1], window))]
-    going = _go_on_first(photo, guides, diagonal, window)
-    beyond = {k: _beside(k) for k in range(4) if all(going[number] for number in _beside(k))}
-    if not beyond:
-        return
-    asked = sorted({number for pair in beyond.values() for number in pair})
-    measured = measure_sides(photo, [guides[number] for number in asked], diagonal, window)
-    ends = {number: _last_seen(side) for number, side in zip(asked, measured, strict=True)}
-    far = {
-        number: np.linalg.norm(end - guides[number][0]) > NARROWEST * diagonal for number, end in ends.items()
-    }
-    for k, (before, after) in beyond.items():
+    ends = [_last_seen(side) for side in measure_sides(photo, guides, diagonal, window)]
+    far = [
+        np.linalg.norm(end - guide[0]) > NARROWEST * diagonal for end, guide in zip(ends, guides, strict=True)
+    ]
+    for k in range(4):
+        before, after = 2 * ((k - 1) % 4), 2 * ((k + 1) % 4) + 1
         if far[before] and far[after]:
             others = [seen[(k + n) % 4] for n in (1, 2, 3)]
             yield np.concatenate([*others, np.linspace(ends[before], ends[after], len(seen[k]))])
-
-
-def _beside(side: int) -> tuple[int, int]:
-    """Numbers of the two of eight continuations, both of each side, that a band beyond a `side` lies between."""
-    return 2 * ((side - 1) % 4), 2 * ((side + 1) % 4) + 1
-
-
-def _go_on_first(
-    photo: RgbImage, guides: Sequence[Points], diagonal: float, window: tuple[float, float, float, float]
-) -> list[bool]:
-    """Which of the `guides`, each (2, 2), may run along an edge, by the first piece of each alone: few do."""
-    pieces = []
-    for start, end in guides:
-        length = float(np.linalg.norm(end - start))
-        pieces.append(
-            np.stack([start, start + (end - start) * min(FIRST * diagonal / max(length, 1e-9), 1.0)])
-        )
-    edges = measure_sides(photo, pieces, diagonal, window, FIRST_POINTS)
-    return [
-        float(np.linalg.norm(_last_seen(edge) - piece[0])) > FIRST_SEEN * diagonal
-        for edge, piece in zip(edges, pieces, strict=True)
-    ]
 
 
 def _way_on(points: Points, window: tuple[float, float, float, float]) -> Points:

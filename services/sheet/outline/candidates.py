@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
-from services.sheet.outline.colors import color_log_odds, color_log_odds_of, count_colors
+from services.sheet.outline.colors import color_codes, color_log_odds, color_log_odds_of, count_colors
 from services.sheet.outline.corners import split_sides
-from services.sheet.outline.edges import outward_normals, resample_closed, smooth_closed
+from services.sheet.outline.edges import outward_normals, resample_closed
 from services.sheet.outline.print_place import PrintPlace
 from services.sheet.outline.rays import RayParameters, Rays, cast_rays
 from services.sheet.outline.reduced_photo import ReducedPhoto
@@ -23,15 +23,6 @@ BY_COLORS = 0.3
 """Of the radius of the best curve, by which one that is sought by its colours may be inside of it."""
 BESIDE_PX = 3
 """Of the reduced photo: colours are looked at so far inside and outside of a curve."""
-
-
-OUTSIDE_PX = (4.0, 7.0, 10.0)
-"""Of the reduced photo: where colours beyond a curve are looked at, to see whether the sheet goes on ..."""
-PIECE = 11
-"""... on a piece of so many of 200 points, ..."""
-LIKELY_INSIDE = -0.5
-"""... from this log odds on. Of 35 photos with a certain outline those two had -0.33 and 0.78 that were wrong (parts of
-the sheet left out), 25 others at most -0.7."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,17 +106,15 @@ def find_candidates(
     rate: Callable[[Points], float],
     p: CandidateParameters,
     parted: float = PARTED,
-    is_enough: Callable[[Candidate], bool] = lambda _: False,
 ) -> list[Candidate]:
     """Closed curves that may be the sheet's boundary; `rate` rates a curve (N, 2) on the reduced photo.
 
-    How well a curve parts the colours counts with the weight `parted`. Where the one by its colours `is_enough`, no
-    other is sought.
+    How well a curve parts the colours counts with the weight `parted`.
     """
     rays = cast_rays(reduced, place.core, place.mask, p.rays)
     reach = rays.reach_of_mask(place.mask)
     # By colour: what is like the ground of the print, then what is like the inside of the first curve.
-    codes = reduced.codes
+    codes = color_codes(reduced.colors)
     search = _Search(rays, rate, p, 1.3 * float(np.median(reach)), codes, parted)
     odds_image = color_log_odds(codes, place.mask, None)
     for _ in range(2):
@@ -136,7 +125,7 @@ def find_candidates(
         if inside.all():
             break
         odds_image = color_log_odds(codes, inside, ~inside)
-    if search.found[-1].cut > p.most_cut or is_enough(search.found[-1]):
+    if search.found[-1].cut > p.most_cut:
         return search.found
     # By edges alone, beyond the print, or beyond its core if texture of a desk was found as print.
     core = rays.reach_of_mask(place.core).astype(np.float64)
@@ -160,7 +149,7 @@ def improve_candidate(
         return []
     rays = cast_rays(reduced, inside, inside, p.rays)
     reach = rays.reach_of_mask(inside)
-    codes = reduced.codes
+    codes = color_codes(reduced.colors)
     search = _Search(rays, rate, p, float(np.median(reach)), codes, parted)
     odds = rays.sample(color_log_odds(codes, inside, ~inside))
     search.add(
@@ -217,23 +206,6 @@ def parted_colors(codes: NDArray[np.int64], counts: NDArray[np.intp], curve: Poi
     at = np.clip(np.round(sides).astype(int), 0, high)
     odds = color_log_odds_of(codes[at[:, 1], at[:, 0]], within, beyond)
     return float(np.sum(odds[: shown.sum()] - odds[shown.sum() :])) / (2 * len(points))
-
-
-def goes_on_by_colors(reduced: ReducedPhoto, curve: Points) -> bool:
-    """Whether a piece of what lies next to a `curve` (N, 2) outside has colours that are more frequent inside."""
-    codes = reduced.codes
-    inside = _filled(curve, codes.shape)
-    points = resample_closed(curve, 200)
-    normals = outward_normals(points, 3)
-    outside = points[:, None] + np.array(OUTSIDE_PX)[None, :, None] * normals[:, None]
-    x0, y0, x1, y1 = reduced.window
-    shown = ((outside > (x0, y0)) & (outside < (x1, y1))).all(axis=2)
-    at = np.clip(np.round(outside).astype(int), 0, np.array(codes.shape[::-1]) - 1)
-    odds = color_log_odds_of(
-        codes[at[..., 1], at[..., 0]].ravel(), count_colors(codes[inside]), count_colors(codes[~inside])
-    ).reshape(shown.shape)
-    alike = smooth_closed(np.where(shown, odds, -1.0), PIECE)
-    return bool((alike.mean(axis=1) > LIKELY_INSIDE).any())
 
 
 def _filled(curve: Points, shape: tuple[int, ...]) -> Mask:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import partial
 from itertools import chain
 
 import cv2
@@ -19,7 +19,6 @@ from services.sheet.outline.candidates import (
     Candidate,
     CandidateParameters,
     find_candidates,
-    goes_on_by_colors,
     improve_candidate,
 )
 from services.sheet.outline.corners import (
@@ -74,8 +73,7 @@ class OutlineParameters:
 
     candidates: CandidateParameters = field(default_factory=CandidateParameters)
     improved: bool = True
-    """Whether curves near the best candidate are searched too, for sheets whose parts differ: a third of the time. Not
-    near one that is certain, and beyond which nothing is coloured as the sheet."""
+    """Whether curves near the best candidate are searched too: a fifth of the time, for sheets whose parts differ."""
     tried: int = 7
     """Candidates that are measured in the photo, until one is certain: they are better evidence than ratings."""
     follows: bool = True
@@ -133,46 +131,20 @@ def find_outline(
         return None
     reduced = reduce_photo(halves)
     candidates: list[Candidate] = []
-    place = place_print(reduced, characters)
-    on_sheet = place.characters
+    on_sheet: Points = np.zeros((0, 2))
     # Print shows that there is a sheet: without, furniture parts the colours as well.
     parted = 0.0 if characters is None else PARTED
-    measure = cache(
-        partial(
-            measure_candidate,
-            halves.image,
-            reduced,
-            medium_photo(halves),
-            parameters=p,
-            shows_print=len(on_sheet) > 0,
-        )
-    )
-
-    def is_certain(candidate: Candidate) -> bool:
-        """Whether no better curve is expected than this one, which holds print."""
-        return (
-            len(on_sheet) > 0
-            and not goes_on_by_colors(reduced, candidate.curve)
-            and _is_certain(measure(candidate))
-        )
-
-    while True:
+    for print_places in (characters, None):
+        place = place_print(reduced, print_places)
+        on_sheet = place.characters if len(place.characters) else on_sheet
         rate = partial(rate_curve, reduced, place.characters)
-        candidates += find_candidates(
-            reduced,
-            place,
-            rate,
-            p.candidates,
-            parted,
-            lambda found: found.rating >= p.well_rated and is_certain(found),
-        )
+        candidates += find_candidates(reduced, place, rate, p.candidates, parted)
         candidates.sort(key=lambda c: c.rank, reverse=True)
         # Texture of a desk may have been found as print; then the middle of the photo is the better start.
         certain = candidates[0].rating >= p.well_rated or candidates[0].cut > p.candidates.most_cut
         if certain or characters is None:
             break
-        place, characters = place_print(reduced, None), None
-    if p.improved and candidates[0].cut <= p.most_cut and not is_certain(candidates[0]):
+    if p.improved and candidates[0].cut <= p.most_cut:
         candidates += improve_candidate(reduced, candidates[0], rate, p.candidates, parted)
     candidates.sort(key=lambda c: c.rank, reverse=True)
     # One curve is often found twice.
@@ -180,6 +152,14 @@ def find_outline(
     sought = [c for c in distinct[: p.tried] if c.rating >= p.least_rating and c.cut <= p.most_cut]
     if not sought:
         return None
+    measure = partial(
+        measure_candidate,
+        halves.image,
+        reduced,
+        medium_photo(halves),
+        parameters=p,
+        shows_print=len(on_sheet) > 0,
+    )
     best = _surest(sought, measure, lambda measured: _rate_of_view(measured, reduced, on_sheet))
     if best is None:
         return None
@@ -188,13 +168,6 @@ def find_outline(
         best = _rate_of_view(best, reduced, on_sheet)
     outline = best.outline
     return None if outline.confidence < LEAST_CONFIDENCE else end_before_cut_corners(outline)
-
-
-def _is_certain(measured: MeasuredOutline | None) -> bool:
-    """Whether no better outline is expected: it is certain, and all of its sides are seen."""
-    return (
-        measured is not None and measured.confidence >= CERTAIN_CONFIDENCE and is_seen_whole(measured.outline)
-    )
 
 
 def _surest(

@@ -143,20 +143,15 @@ def measure_closed_edge(
 
 
 def measure_sides(
-    image: RgbImage,
-    guides: Sequence[Points],
-    diagonal: float,
-    window: tuple[float, float, float, float],
-    points: int | None = None,
+    image: RgbImage, guides: Sequence[Points], diagonal: float, window: tuple[float, float, float, float]
 ) -> list[EdgePoints]:
     """Sub-pixel points of sides' edges, near `guides` (N, 2) that run clockwise from corner to corner.
 
-    `diagonal` is the outline's, `points` how many are measured on each, if not the usual number.
+    `diagonal` is the outline's.
     """
-    count = points or MEASURED_POINTS
-    places, normals = zip(*(normals_along(guide, count) for guide in guides), strict=True)
+    places, normals = zip(*(normals_along(guide, MEASURED_POINTS) for guide in guides), strict=True)
     found = _measure(image, np.stack(places), np.stack(normals), diagonal, window, False)
-    parts = [slice(k * count, (k + 1) * count) for k in range(len(guides))]
+    parts = [slice(k * MEASURED_POINTS, (k + 1) * MEASURED_POINTS) for k in range(len(guides))]
     return [
         EdgePoints(
             found.points[part],

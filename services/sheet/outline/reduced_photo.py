@@ -1,7 +1,6 @@
 """The reduced photo in which outlines are searched: without print and without black bands."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import cv2
@@ -12,7 +11,6 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized
 from services.imaging.channels import length_of_channels, strongest_channel
 from services.imaging.reduction import GROUND_PX, Halves
-from services.sheet.outline.colors import color_codes
 
 # How far the photo is reduced, and what counts as a black band.
 MEDIUM_LONG_SIDE_PX = 1600
@@ -33,7 +31,7 @@ BAND_SHARE = 0.85
 """Share of a band's border at which the photo begins at the same row or column."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class ReducedPhoto:
     """`colors` (h, w, 3) float32: CIE Lab of the photo resized by `factor`, print closed.
 
@@ -45,11 +43,6 @@ class ReducedPhoto:
     factor: float
     contrast: float
     window: tuple[int, int, int, int]
-
-    @cached_property
-    def codes(self) -> NDArray[np.int64]:
-        """Bins (h, w) of its colours."""
-        return color_codes(self.colors)
 
     def to_photo(self, points: Points) -> Points:
         """Photo pixels (N, 2) of reduced ones."""

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 
 from services.layout.learning.passive_aggressive import MarginParameters, learn_by_margin, less_margin
 from services.layout.learning.slopes import SlopeRates, cost_slopes, step_along
-from services.layout.matching import NO_PROOF, match_directly
+from services.layout.matching import match_directly
 from services.layout.model.cost import build_cost_tables, labelling_cost
 from services.layout.model.statistics import label_indices
 from tests.services.layout.learning.learning_models import (
@@ -46,13 +46,13 @@ def test_an_unbounded_step_gives_the_margin_to_what_broke_it(document_class: str
     # Without weights, which end at zero, the cost is linear for any step.
     parameters = MarginParameters(aggressiveness=1e9, rates=SlopeRates(weights=0.0))
     tables = build_cost_tables(page.graph, learned.model)
-    broke = match_directly(less_margin(tables, truth), NO_PROOF).labels
+    broke = match_directly(less_margin(tables, truth, parameters.margin), parameters.matching).labels
     model, changed = learn_by_margin(learned.model, page.graph, truth, parameters)
     if not changed:
         assert model is learned.model
         return
     gap = cost(page.graph, model, broke) - cost(page.graph, model, truth)
-    np.testing.assert_allclose(gap, np.count_nonzero(broke != truth), rtol=1e-6)
+    np.testing.assert_allclose(gap, np.count_nonzero(broke != truth) * parameters.margin, rtol=1e-6)
 
 
 @settings(max_examples=25, deadline=None)
@@ -79,7 +79,7 @@ def test_a_page_with_its_margin_teaches_nothing_more() -> None:
         if not changed:
             break
     assert not changed
-    found = match_directly(build_cost_tables(page.graph, model), NO_PROOF).labels
+    found = match_directly(build_cost_tables(page.graph, model), MarginParameters().matching).labels
     np.testing.assert_array_equal(found, truth)
 
 
@@ -88,7 +88,7 @@ def test_the_margin_is_taken_from_every_label_but_the_true_one() -> None:
     page = known_lesson(learned, "memo", 1)
     truth = label_indices(page.labels, learned.labels)
     tables = build_cost_tables(page.graph, replace(learned.model))
-    eased = less_margin(tables, truth)
+    eased = less_margin(tables, truth, 1.5)
     rows = np.arange(len(truth))
     np.testing.assert_allclose(eased.node[rows, truth], tables.node[rows, truth])
-    assert np.count_nonzero(np.isclose(tables.node - eased.node, 1.0)) == tables.node.size - len(truth)
+    assert np.count_nonzero(np.isclose(tables.node - eased.node, 1.5)) == tables.node.size - len(truth)

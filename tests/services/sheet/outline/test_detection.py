@@ -7,14 +7,8 @@ import numpy as np
 import pytest
 
 from services.arrays import Points, RgbImage
-from services.sheet.outline import detection
 from services.sheet.outline.band_beyond import band_side
-from services.sheet.outline.candidates import (
-    Candidate,
-    CandidateParameters,
-    goes_on_by_colors,
-    parted_colors,
-)
+from services.sheet.outline.candidates import Candidate, CandidateParameters, parted_colors
 from services.sheet.outline.colors import color_codes, color_log_odds, color_log_odds_of, count_colors
 from services.sheet.outline.detection import (
     MeasuredOutline,
@@ -23,7 +17,6 @@ from services.sheet.outline.detection import (
     is_surer,
 )
 from services.sheet.outline.edges import EdgePoints, leave_out_strays
-from services.sheet.outline.reduced_photo import reduce_photo
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from tests.services.sheet.outline.drawn import distances, draw_sheet, sides_of
 
@@ -318,24 +311,6 @@ def test_of_two_outlines_the_outer_one_is_taken_unless_the_inner_one_is_clearly_
     assert is_surer(measured(0.99, 0.9), whole)
     assert is_surer(measured(0.95, 1.1), whole)
     assert is_surer(measured(0.6, 0.9), measured(0.45, 1.0))
-
-
-def test_a_certain_outline_with_other_colours_around_is_not_sought_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(detection, "improve_candidate", lambda *_: pytest.fail("sought again"))
-    truth = sides_of(CORNERS)
-    side, corner = _errors(find_outline(draw_sheet(truth, SIZE), _print_on(CORNERS)), truth, CORNERS)
-    assert side < 0.35
-    assert corner < 0.8
-
-
-@pytest.mark.parametrize("left_out", [0.0, 0.15])
-def test_the_sheets_colours_go_on_beyond_a_curve_that_leaves_out_a_part(left_out: float) -> None:
-    reduced = reduce_photo(draw_sheet(sides_of(CORNERS), SIZE))
-    corners = CORNERS.copy()
-    corners[:2] += left_out * (CORNERS[[3, 2]] - CORNERS[:2])
-    assert goes_on_by_colors(reduced, reduced.from_photo(sides_of(corners))) == (left_out > 0)
 
 
 def test_log_odds_of_some_colours_are_those_of_all() -> None:
