@@ -27,7 +27,7 @@ from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.page_frame import mesh_of
 from services.rectify.analysis.focal_length import requested_prior
-from services.rectify.pipeline import find_page
+from services.rectify.page_search import find_page
 from services.rectify.shape_choice.hypotheses import Hypotheses
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock

@@ -39,12 +39,9 @@ def drawn_box(photo: RgbImage, corners: Points | None) -> tuple[int, int, int, i
     whole = (0, 0, width - 1, height - 1)
     if corners is None:
         return whole
-    left, top = (
-        int(edge) for edge in np.clip(np.floor(corners.min(axis=0)) - SMOOTH_PX, 0, (width - 1, height - 1))
-    )
-    right, bottom = (
-        int(edge) for edge in np.clip(np.ceil(corners.max(axis=0)) + SMOOTH_PX, 0, (width - 1, height - 1))
-    )
+    last = (width - 1, height - 1)
+    left, top = np.clip(np.floor(corners.min(axis=0)) - SMOOTH_PX, 0, last).astype(int).tolist()
+    right, bottom = np.clip(np.ceil(corners.max(axis=0)) + SMOOTH_PX, 0, last).astype(int).tolist()
     beyond = (
         photo[:top],
         photo[bottom + 1 :],

@@ -29,9 +29,9 @@ SLIVER_SIDE_PX = 1000
 CLOSING = 1 / 22
 """Wider than a line of print of 14 points on a full page, and than dark boxes of forms."""
 STEP = 0.10
-"""Difference of brightness over `reach_px` pixels that is an edge: light and soft shadows change less."""
+"""Difference of brightness over `REACH_PX` pixels that is an edge: light and soft shadows change less."""
 HUE_STEP = 5.0
-"""Difference of a or of b of CIE Lab over `reach_px` pixels that is an edge."""
+"""Difference of a or of b of CIE Lab over `REACH_PX` pixels that is an edge."""
 REACH_PX = 5
 DARK = 0.35
 """Difference of brightness between a sliver of desk and the paper beside it."""

@@ -17,7 +17,7 @@ from services.mosaic.flat_photo import RIM_PX, FlatPhoto, SeenPage
 from services.notices import Notice
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.found_text import AnalysisParameters
-from services.rectify.pipeline import find_page
+from services.rectify.page_search import find_page
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import FAR_PX, draw_gray_view, photo_nodes

@@ -10,7 +10,7 @@ from services.arrays import Homography, RgbImage
 from services.contract.rectify import RectifyParameters
 from services.errors import NoText
 from services.notices import Notice
-from services.rectify.pipeline import find_page
+from services.rectify.page_search import find_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.judged_view import best_view

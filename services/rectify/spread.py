@@ -17,8 +17,9 @@ from services.progress import progress_within
 from services.rectify.analysis.focal_length import requested_prior
 from services.rectify.analysis.outline_search import OutlineSearch
 from services.rectify.analysis.page_analysis import analyse_spread
+from services.rectify.page_search import shape_page
 from services.rectify.parameter_checks import check_parameters
-from services.rectify.pipeline import STAGE_BEGINS, flatten_page, rectify, shape_page
+from services.rectify.pipeline import STAGE_BEGINS, flatten_page, rectify
 from services.rectify.results import Orientation, RectifyResult
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock

@@ -97,15 +97,9 @@ def with_blocks(blocks: Sequence[TextBlock], others: Sequence[TextBlock]) -> tup
     """The blocks, and each of the `others` after the last one above in its columns, or before the first below."""
     every = list(blocks)
     for block in others:
-        middle = block.box[1] + block.box[3]
-        beside = [
-            (index, each.box[1] + each.box[3] < middle)
-            for index, each in enumerate(every)
-            if min(each.box[2], block.box[2]) > max(each.box[0], block.box[0])
-        ]
-        after = [index + 1 for index, is_above in beside if is_above]
-        before = [index for index, is_above in beside if not is_above]
-        every.insert(after[-1] if after else before[0] if before else len(every), block)
+        above = _in_columns(every, block.box)
+        after = [index + 1 for index, is_above in above.items() if is_above]
+        every.insert(after[-1] if after else next(iter(above), len(every)), block)
     return tuple(every)
 
 
@@ -195,13 +189,21 @@ def _is_below(block: TextBlock, other: TextBlock) -> bool:
 
 def _after_above(blocks: Sequence[TextBlock], box: Box) -> int:
     """Index behind the last block that lies above `box` in its columns; the end if all or none of the blocks do."""
-    above = [block.box[1] + block.box[3] < box[1] + box[3] for block in blocks]
-    mine = [
-        index
+    mine = [index for index, is_above in _in_columns(blocks, box).items() if is_above]
+    return len(blocks) if not mine or all(_is_above(block, box) for block in blocks) else mine[-1] + 1
+
+
+def _in_columns(blocks: Sequence[TextBlock], box: Box) -> dict[int, bool]:
+    """Numbers of the blocks in the columns of `box`, and whether each lies above it."""
+    return {
+        index: _is_above(block, box)
         for index, block in enumerate(blocks)
-        if above[index] and min(block.box[2], box[2]) > max(block.box[0], box[0])
-    ]
-    return len(blocks) if all(above) or not mine else mine[-1] + 1
+        if min(block.box[2], box[2]) > max(block.box[0], box[0])
+    }
+
+
+def _is_above(block: TextBlock, box: Box) -> bool:
+    return block.box[1] + block.box[3] < box[1] + box[3]
 
 
 def _believed(row: Sequence[Word]) -> list[Word]:

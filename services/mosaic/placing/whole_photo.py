@@ -27,7 +27,7 @@ from services.mosaic.placing.similarities import fit_similarities
 from services.mosaic.registration.pair_registration import PairRegistration
 from services.mosaic.registration.photo_pairs import QUICK_LOOKS, register_photos
 from services.notices import Notice
-from services.rectify.pipeline import find_page
+from services.rectify.page_search import find_page
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.judged_view import CLEARLY_FLATTER
 from services.sheet.plane.flat_photo import PhotoAsPage

@@ -36,7 +36,7 @@ GROUP_LOSS_PX = 5.0
 """Loss width of the first fit, pixels of the word scale (as in the prototype)."""
 FIRST_LOSS = 3.0
 SKEWED_LOSS = 6.0
-"""The loss at which a fit to a group begins, over `group_loss_px`; and a skewed view's to all matches."""
+"""The loss at which a fit to a group begins, over `GROUP_LOSS_PX`; and a skewed view's to all matches."""
 COARSER = 0.5
 """Resolution of the first look relative to word scale: where views share much, a quarter of the features do."""
 CLEAR_LEAD = 2.0

@@ -49,7 +49,7 @@ MORE_LINES = 9
 MOST_CROPS = 18
 """Most crops that are tried for the wanted lines; crops of pictures or texture read as nothing."""
 CERTAIN_SCORE = 0.6
-"""Below it, or within `certain_margin` of the runner-up, more lines are read."""
+"""Below it, or within `CERTAIN_MARGIN` of the runner-up, more lines are read."""
 CERTAIN_MARGIN = 0.2
 FULL_MARGIN = 0.35
 """A margin that leaves no doubt. Over nine lines, wrong ways won by up to 0.17 (Greek, read as English),

@@ -13,7 +13,7 @@ from services.geometry.homographies import jacobians, scaling, transform_points
 from services.mosaic import flattening
 from services.mosaic.flat_photo import trust_by_error
 from services.mosaic.flattening import flatten_photo, take_as_flat, view_again, view_photo
-from services.rectify import pipeline
+from services.rectify import page_search
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
 from services.rectify.view.flatness import Flatness
@@ -94,8 +94,8 @@ def test_the_remembered_camera_takes_part_in_the_pose(monkeypatch: pytest.Monkey
         asked.append(prior)
         raise NoText("enough")
 
-    monkeypatch.setattr(pipeline, "flat_page", lambda *_, **__: None)
-    monkeypatch.setattr(pipeline, "shape_page", shape)
+    monkeypatch.setattr(page_search, "flat_page", lambda *_, **__: None)
+    monkeypatch.setattr(page_search, "shape_page", shape)
     memory = CameraMemory("phone", 0.3, 0.02, 5)
     for known in (memory, None):
         with pytest.raises(NoText):

@@ -14,7 +14,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import PagePlane
 from services.ocr.engine import OcrEngine, Word
 from services.progress import progress_to
-from services.rectify import pipeline
+from services.rectify import page_search
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.pipeline import rectify
 from services.rectify.results import RectifyResult
@@ -65,7 +65,7 @@ def test_text_whose_rows_cross_its_lines_is_analysed_again(
 
     lines = photo.truth.major_flow(photo.truth.text_points(np.random.default_rng(1)))
     taken = float(np.median(lines)) + np.pi / 2
-    monkeypatch.setattr(pipeline, "check_text", first_time_across)
+    monkeypatch.setattr(page_search, "check_text", first_time_across)
     again = rectify(photo.image, AS_IT_LIES)
     assert len(barred) == 2
     np.testing.assert_allclose(again.image.shape, result.image.shape, atol=2)

@@ -12,10 +12,10 @@ from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import Frame
 from services.geometry.photo_frame import PhotoFrame
-from services.rectify import pipeline
+from services.rectify import page_search
 from services.rectify.analysis import outline_search
 from services.rectify.page_description import describe_camera, describe_evidence
-from services.rectify.pipeline import find_page
+from services.rectify.page_search import find_page
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.shape_choice.textless import find_textless_page
 from services.rectify.stage_clock import StageClock
@@ -193,13 +193,13 @@ def test_the_outline_is_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None
         raise REFUSAL
 
     monkeypatch.setattr(outline_search, "find_outline", look)
-    monkeypatch.setattr(pipeline, "shape_page", refuse)
+    monkeypatch.setattr(page_search, "shape_page", refuse)
     page = find_page(shot.image, RectifyParameters(), None, StageClock())
     assert page.analysis is None
     assert page.outline is outline
     assert looked == [True]
     # Where the text was refused before, it is looked for without.
-    monkeypatch.setattr(pipeline, "analyse_photo", lambda *_, **__: refuse())
+    monkeypatch.setattr(page_search, "analyse_photo", lambda *_, **__: refuse())
     page = find_page(shot.image, RectifyParameters(), None, StageClock())
     assert page.analysis is None
     assert looked == [True, False]
