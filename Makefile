@@ -27,6 +27,9 @@ HEIC ?= with
 # SECOND_READER=without leaves out what reads poor pages again: 115 MB, and up to 0.45 GB of a worker's memory.
 SECOND_READER ?= with
 
+# KERNELS=without compiles nothing: the plain versions do the same, slower.
+KERNELS ?= with
+
 # Languages that the service shall read besides English, by Tesseract's names: make serve LANGUAGES="fra deu"
 LANGUAGES ?=
 
@@ -56,7 +59,7 @@ BENCH_OPTIONS ?=
 PEERS := --page-dewarp $(BENCH_VENV)/bin/page-dewarp --rapidocr-python $(BENCH_VENV)/bin/python
 
 .PHONY: help serve worker test test-fast test-long lint format check lock bench-rectify bench-photos bench-speed bench-attack bench-jobs bench-mosaic bench-layout bench-learning bench-review bench-reading \
-	system-packages postgresql chromium java licences client-models api-tables api-answers typescript python venv venv-dev venv-bench data-folder clean
+	system-packages kernels postgresql chromium java licences client-models api-tables api-answers typescript python venv venv-dev venv-bench data-folder clean
 .NOTPARALLEL:
 
 help:
@@ -86,6 +89,7 @@ help:
 	@echo 'make api-answers      one real answer of each operation in docs/api, asked anew'
 	@echo 'make licences         what the image holds under which licence, written anew (deploy/licences.md, sbom.cdx.json)'
 	@echo 'make system-packages  what is needed from Debian (root, or sudo without a password)'
+	@echo 'make kernels          what is in C, compiled (KERNELS=without does without)'
 	@echo 'make venv             the environment that the service runs in'
 	@echo 'make clean            remove what these targets made'
 
@@ -235,8 +239,14 @@ python: system-packages
 		echo 'Python 3.11 or later was not found; say where it is: make PYTHON=/path/to/python ...' >&2; exit 1; \
 	fi
 
-venv: system-packages $(RUNTIME)
-venv-dev: system-packages $(DEVELOPMENT)
+# What the service has in C, compiled; it needs no environment.
+kernels: python
+	@[ '$(KERNELS)' = without ] && exit 0; \
+	command -v cc >/dev/null || { $(call install_packages, gcc libc6-dev,Kernels are not compiled without them.) ; }; \
+	'$(or $(PYTHON),python3)' -m services.kernels.build
+
+venv: system-packages kernels $(RUNTIME)
+venv-dev: system-packages kernels $(DEVELOPMENT)
 venv-bench: $(BENCH)
 
 $(CREATED) $(BENCH_CREATED): | python
@@ -297,5 +307,5 @@ licences: venv-dev
 	@$(BIN)/python -m deploy.licences
 
 clean:
-	rm -rf $(VENV) $(BENCH_VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(BENCH_VENV) services/kernels/compiled-*.so .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(wildcard app benchmarks models services simulation tests clients) -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -5,21 +5,39 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Vector
+from services.kernels.library import address, find_kernels
 
 SHIFT_COST = 0.02
 """Of a path for a step of one column from row to row, in full edges: edges of paper are straight or bend gently."""
 FEW_PATHS = 4
-"""Up to which paths are traced one after the other: a step of one takes 1.2 us, a step of all together 5."""
+"""Up to which the plain version traces one after the other: a step of one takes 1.2 us, a step of all together 5."""
 
 
 def accumulate_scores(score: Floats, max_shift: int, shift_cost: float) -> Floats:
     """Best sums (..., N, M) of `score` (..., N, M) over paths from the first row to every sample.
 
     From row to row the column changes by `max_shift` at most, which costs `shift_cost` a column. Samples with a score
-    of -inf are never used. All grids go through the rows together: a row of one grid is too short for numpy.
+    of -inf are never used.
+    """
+    kernels = find_kernels()
+    if kernels is None:
+        return accumulate_scores_plain(score, max_shift, shift_cost)
+    score, costs = np.ascontiguousarray(score, np.float64), _costs(max_shift, shift_cost)
+    best, (rows, columns) = np.empty(score.shape), score.shape[-2:]
+    grids = score.size // max(rows * columns, 1)
+    sizes = (grids, rows, columns, max_shift)
+    if not kernels.accumulate_scores(address(score), address(best), *sizes, address(costs)):
+        raise MemoryError
+    return best
+
+
+def accumulate_scores_plain(score: Floats, max_shift: int, shift_cost: float) -> Floats:
+    """`accumulate_scores` without a kernel, to the last bit.
+
+    All grids go through the rows together: a row of one grid is too short for numpy.
     """
     columns = score.shape[-1]
-    cost = shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))
+    cost = _costs(max_shift, shift_cost)
     padded = np.full((*score.shape[:-2], columns + 2 * max_shift), -np.inf)
     inner = padded[..., max_shift : max_shift + columns]
     # Shifts first: the greatest of them are taken over all grids in one run through memory.
@@ -60,7 +78,27 @@ def trace_back(
 
     `best` (G, N, M) is what `accumulate_scores` returned for the same `max_shift` and `shift_cost`.
     """
-    cost = shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))
+    kernels = find_kernels()
+    if kernels is None:
+        return trace_back_plain(best, grids, ends, max_shift, shift_cost)
+    best, costs = np.ascontiguousarray(best, np.float64), _costs(max_shift, shift_cost)
+    grids, ends = np.ascontiguousarray(grids, np.intp), np.ascontiguousarray(ends, np.intp)
+    rows, columns = best.shape[1:]
+    if len(ends) and not (
+        0 <= grids.min() <= grids.max() < len(best) and 0 <= ends.min() <= ends.max() < columns
+    ):
+        raise IndexError("paths end within grids that there are")
+    paths = np.empty((len(ends), rows), np.intp)
+    places = address(grids), address(ends), len(ends), address(paths)
+    kernels.trace_back(address(best), rows, columns, max_shift, address(costs), *places)
+    return paths
+
+
+def trace_back_plain(
+    best: Floats, grids: NDArray[np.intp], ends: NDArray[np.intp], max_shift: int, shift_cost: float
+) -> NDArray[np.intp]:
+    """`trace_back` without a kernel: the same paths."""
+    cost = _costs(max_shift, shift_cost)
     grid_count, rows, columns = best.shape
     padded = np.full((grid_count, rows, columns + 2 * max_shift), -np.inf)
     padded[..., max_shift : max_shift + columns] = best
@@ -84,6 +122,11 @@ def trace_back(
         # Where no path leads to, all is -inf and the first column is taken.
         together[row] = np.maximum(at, 0, out=at)
     return np.ascontiguousarray(together.T)
+
+
+def _costs(max_shift: int, shift_cost: float) -> Vector:
+    """Of shifts (2 `max_shift` + 1,) from row to row."""
+    return shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))
 
 
 def _trace_one(padded: Floats, end: int, cost: Vector) -> list[int]:

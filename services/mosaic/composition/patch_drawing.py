@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import to_resized
+from services.imaging.bicubic import draw_bicubic
 from services.imaging.node_grid import (
     MAX_REDUCTION,
     between_nodes,
@@ -144,22 +145,20 @@ def draw_gray_patch(gray_source: GrayImage, patch_map: PatchMap) -> GrayImage:
 
     Bilinear: sharpness is compared over whole words, in which all fractions of pixels occur.
     """
-    return _draw(gray_source, patch_map.source, cv2.INTER_LINEAR)
+    drawn = take_values(gray_source, patch_map.source, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
+    return np.asarray(drawn, np.uint8)
 
 
 def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
     """The patch in colour, with its tones applied. Pixels outside of `covered` must not be used."""
-    drawn = _draw(patch.source, patch_map.source, cv2.INTER_CUBIC)
+    seen_at = patch_map.source
+    drawn = np.empty((*seen_at.shape[:2], 3), np.uint8)
+    draw_bicubic(patch.source, drawn, (seen_at[..., 0], seen_at[..., 1]), beyond=None)
     if not patch.is_toned:
         return drawn
     height, width = drawn.shape[:2]
     coefficients = patch.placed.tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6)
     return apply_tones(drawn, [between_nodes(plane, width, height) for plane in tone_factors(coefficients)])
-
-
-def _draw(image: NDArray[np.uint8], at: NDArray[np.float32], interpolation: int) -> NDArray[np.uint8]:
-    """Values of `image` at pixels `at` (H, W, 2)."""
-    return np.asarray(take_values(image, at, interpolation, cv2.BORDER_REPLICATE), np.uint8)
 
 
 def _outline(shown: GrayImage) -> Points:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, GrayImage, Points, RgbImage, Vector
 from services.geometry.homographies import resizing, to_resized, transform_points, translation
 from services.geometry.page_frame import Frame
+from services.imaging.bicubic import Maps, draw_bicubic
 from services.imaging.node_grid import (
     GRID_STEP_PX,
     MAX_REDUCTION,
@@ -55,7 +56,9 @@ def draw_gray_view(
     view = np.full((frame.height, frame.width), 255, np.uint8)
     to_gray = _BandMap((photo_nodes(frame) if nodes is None else nodes) - origin, factor)
     for top in range(0, frame.height, BAND_PX):
-        to_gray.draw(gray, top, cv2.INTER_LINEAR, view[top : top + BAND_PX])
+        band = view[top : top + BAND_PX]
+        x, y = to_gray.between(top, *band.shape)
+        cv2.remap(gray, x, y, cv2.INTER_LINEAR, band, cv2.BORDER_CONSTANT, 255.0)
     return view
 
 
@@ -107,17 +110,10 @@ class FlatDrawing:
             band = flat[top : top + BAND_PX]
             if frame.H_photo_flat is None:
                 assert self._map is not None
-                self._map.draw(self._photo, top, cv2.INTER_CUBIC, band)
-                continue
-            cv2.warpPerspective(
-                self._photo,
-                frame.H_photo_flat @ translation(0.0, float(top)),
-                (frame.width, len(band)),
-                dst=band,
-                flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_CONSTANT,
-                borderValue=(255.0, 255.0, 255.0),
-            )
+                draw_bicubic(self._photo, band, self._map.between(top, *band.shape[:2]), beyond=255)
+            else:
+                H_photo_band = frame.H_photo_flat @ translation(0.0, float(top))
+                draw_bicubic(self._photo, band, H_photo_band, beyond=255)
 
     def stop(self) -> None:
         """Let no other band be drawn: the view is not wanted."""
@@ -228,9 +224,8 @@ class _BandMap:
         self._nodes = to_resized(nodes_in_photo, factor)
         self._known = continuous_nodes(self._nodes, MAX_REDUCTION * float(np.max(factor)))
 
-    def draw(self, image: NDArray[np.uint8], top: int, interpolation: int, band: NDArray[np.uint8]) -> None:
-        """Draw `image` into the `band` of the view whose first row is `top`, a multiple of the nodes' step."""
-        rows, width = band.shape[:2]
+    def between(self, top: int, rows: int, width: int) -> Maps:
+        """The image's x and y (rows, width) at the view's rows from `top` on, a multiple of the nodes' step."""
         near = band_nodes(top, rows)
         nodes, known = self._nodes[near], self._known[near]
         x, y = (
@@ -240,5 +235,4 @@ class _BandMap:
         if not known.all():
             # A pixel next to an unknown node is mapped to a place outside the photo.
             x[between_nodes(known.astype(np.float32), width, rows) < 0.999] = -1e6
-        white = (255.0,) * (1 if image.ndim == 2 else 3)
-        cv2.remap(image, x, y, interpolation, dst=band, borderMode=cv2.BORDER_CONSTANT, borderValue=white)
+        return x, y

@@ -1,0 +1,5 @@
+"""What arrays cannot say fast: loops in C, each with a plain version in the module that calls it.
+
+The set-up compiles them (`python -m services.kernels.build`). Where there is no compiler, no AVX2 or another processor
+than x86-64, the plain versions do the same, slower.
+"""

@@ -1,0 +1,120 @@
+"""Each kernel beside its plain version."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.arrays import Homography, RgbImage
+from services.imaging.bicubic import Maps, bicubic_weights, draw_bicubic, draw_bicubic_plain
+from services.imaging.grid_paths import (
+    accumulate_scores,
+    accumulate_scores_plain,
+    trace_back,
+    trace_back_plain,
+)
+from services.kernels.library import find_kernels
+
+pytestmark = pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
+SIZE = (61, 83)
+
+
+@pytest.fixture(scope="module")
+def photo() -> RgbImage:
+    """Smooth enough that 1/1024 of a pixel is no gray level, but with edges."""
+    noise = np.random.default_rng(1).integers(0, 256, (70, 90, 3), np.uint8)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    smooth[20:40, 30:50] = 255
+    return smooth
+
+
+def drawn(photo: RgbImage, seen_at: Maps | Homography, beyond: int | None) -> tuple[RgbImage, RgbImage]:
+    """By the kernel and plain; into views that are parts of larger arrays, as bands are."""
+    views = [np.full((SIZE[0] + 2, SIZE[1], 3), 7, np.uint8) for _ in range(2)]
+    draw_bicubic(photo, views[0][1:-1], seen_at, beyond)
+    draw_bicubic_plain(photo, views[1][1:-1], seen_at, beyond)
+    for view in views:
+        assert (view[[0, -1]] == 7).all()
+    return views[0][1:-1], views[1][1:-1]
+
+
+def assert_alike(ours: RgbImage, plain: RgbImage) -> None:
+    difference = np.abs(ours.astype(int) - plain)
+    assert difference.max() <= 1
+    assert (difference > 0).mean() < 0.06
+
+
+@pytest.mark.parametrize("beyond", [255, 0, None])
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (5.3, -4.7), (-20.2, 11.9), (500.0, 0.0)])
+def test_maps(photo: RgbImage, beyond: int | None, shift: tuple[float, float]) -> None:
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
+    at = np.stack([x + 3 * np.sin(y / 9) + shift[0], 0.9 * y + 2 * np.cos(x / 7) + shift[1]], axis=-1)
+    at = at.astype(np.float32)
+    assert_alike(*drawn(photo, (at[..., 0], at[..., 1]), beyond))
+    apart = drawn(photo, (at[..., 0].copy(), at[..., 1].copy()), beyond)[0]
+    assert np.array_equal(apart, drawn(photo, (at[..., 0], at[..., 1]), beyond)[0])
+
+
+@pytest.mark.parametrize("beyond", [255, None])
+def test_homographies(photo: RgbImage, beyond: int | None) -> None:
+    H_photo_view = np.array([[1.1, 0.1, -6.0], [-0.05, 0.9, 4.0], [1e-3, -2e-3, 1.0]])
+    assert_alike(*drawn(photo, H_photo_view, beyond))
+
+
+def test_a_horizon_within_the_view_is_drawn(photo: RgbImage) -> None:
+    H_photo_view = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1 / 30, -1.0]])
+    ours, plain = drawn(photo, H_photo_view, 255)
+    # On the horizon itself a place is infinite.
+    assert (ours[30] == 255).all()
+    assert_alike(np.delete(ours, 30, axis=0), np.delete(plain, 30, axis=0))
+
+
+def test_places_that_are_no_numbers_are_beyond(photo: RgbImage) -> None:
+    x, y = (np.full(SIZE, value, np.float32) for value in (np.nan, 5.0))
+    x[1], x[2] = np.inf, -1e30
+    view = np.zeros((*SIZE, 3), np.uint8)
+    draw_bicubic(photo, view, (x, y), 255)
+    assert (view == 255).all()
+
+
+def test_whole_places_are_the_photo_itself(photo: RgbImage) -> None:
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
+    assert np.array_equal(drawn(photo, (x, y), None)[0], photo[: SIZE[0], : SIZE[1]])
+
+
+def test_weights_add_up() -> None:
+    sums = bicubic_weights().astype(int).sum(axis=1)
+    assert np.abs(sums - (1 << 15)).max() <= 2
+
+
+@pytest.mark.parametrize("width", [1, 3, 5, 6, 9])
+def test_photos_that_are_narrower_than_what_is_loaded(width: int) -> None:
+    photo = np.random.default_rng(width).integers(0, 256, (4, width, 3), np.uint8)
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
+    ours, plain = drawn(photo, (x / 8, y / 16), 255)
+    assert np.abs(ours.astype(int) - plain).max() <= 1
+
+
+@given(
+    st.integers(1, 3), st.integers(1, 12), st.integers(1, 15), st.integers(0, 4), st.integers(0, 2**32 - 1)
+)
+def test_paths(grids: int, rows: int, columns: int, most: int, seed: int) -> None:
+    """The same sums to the last bit, the same paths: also where no path leads, and where many are as good."""
+    rng = np.random.default_rng(seed)
+    score = rng.integers(0, 3, (grids, rows, columns)) / 2.0
+    score[rng.random(score.shape) < 0.3] = -np.inf
+    best = accumulate_scores(score, most, 0.25)
+    assert np.array_equal(best, accumulate_scores_plain(score, most, 0.25))
+    whose = np.repeat(np.arange(grids), columns)
+    ends = np.tile(np.arange(columns), grids)
+    paths = trace_back(best, whose, ends, most, 0.25)
+    assert np.array_equal(paths, trace_back_plain(best, whose, ends, most, 0.25))
+    assert np.array_equal(paths[:3], trace_back_plain(best, whose[:3], ends[:3], most, 0.25))
+
+
+def test_ends_outside_of_the_grids_are_refused() -> None:
+    best = np.zeros((1, 3, 4))
+    for grids, ends in (([1], [0]), ([0], [4]), ([0], [-1])):
+        with pytest.raises(IndexError):
+            trace_back(best, np.array(grids), np.array(ends), 1, 0.1)
