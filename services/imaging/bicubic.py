@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Homography, RgbImage
-from services.kernels.library import address, find_kernels, image_of
+from services.kernels.library import address, find_kernels, image_of, is_packed
 
 STEPS = 1024
 """Places within a pixel that the kernel tells apart."""
@@ -30,7 +30,7 @@ def draw_bicubic(image: RgbImage, view: RgbImage, seen_at: Maps | Homography, be
         Value of the pixels beyond `image`; None: those of its border are repeated.
     """
     kernels = find_kernels()
-    if kernels is None or not _is_packed(image) or not _is_packed(view):
+    if kernels is None or not is_packed(image) or not is_packed(view):
         draw_bicubic_plain(image, view, seen_at, beyond)
         return
     weights, outside = address(bicubic_weights()), -1 if beyond is None else beyond
@@ -78,7 +78,3 @@ def bicubic_weights() -> NDArray[np.int16]:
     weights = np.stack([far(1 + place), near(place), near(1 - place), far(2 - place)], axis=-1)
     whole: NDArray[np.int16] = np.clip(np.rint(weights * ONE), -ONE, ONE - 1).astype(np.int16)
     return whole
-
-
-def _is_packed(image: NDArray[np.uint8]) -> bool:
-    return image.ndim == 3 and image.shape[2] == 3 and image.strides[1:] == (3, 1)

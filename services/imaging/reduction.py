@@ -1,5 +1,6 @@
 """Reduced images."""
 
+import ctypes
 import threading
 
 import cv2
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Vector
+from services.kernels.library import find_kernels, image_of, is_packed
 
 PRINT_PX = 1200
 """Long side of a copy on which ten-point print of A4 is 8 px high; its strokes are two pixels wide, and rules one."""
@@ -17,11 +19,6 @@ LARGEST_STEP = 1.3
 _LEFT_AFTER_HALVES = 0.5
 """Largest factor of the last step. Averages of averages blur twice: with a last step of 0.9 the variance is twice that
 of one step, and small letters ran together; from 0.5 down it is at most a third more."""
-
-_NOISE = 1.05
-"""Variance of noise, over that of area averages, that the quick way may leave."""
-_MOST_BLUR = 4 / 3
-"""Variance of its blur, over that of area averages: as for halves. With 1.6 the minor flow's errors grew by 6 %."""
 
 
 def halve(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -71,13 +68,9 @@ def reduce_image(
     """`image` (H, W) or (H, W, 3) at `factor` of its size (not above 1) by area averages.
 
     It is halved while at least another half remains, and then resized to the rest of `factor`. Averages of 2 x 2 pixels
-    are ten times as fast as those of other areas. Where nothing `fine` such as print is sought, it is halved once
+    are several times as fast as those of other areas. Where nothing `fine` such as print is sought, it is halved once
     more. An odd last row or column is left out of a half, and the size is rounded, so a place is off by at most half a
     pixel of the answer at its far ends. No side is below `least_side_px`.
-
-    The last step is a small blur and bilinear interpolation, in a third of the time, where that leaves as little noise
-    as area averages and the variance of its blur is at most `_MOST_BLUR` times theirs; of what is not fine, 1.7 times,
-    less than another half leaves.
     """
     return reduce_exactly(image, factor, least_side_px, fine=fine)[0]
 
@@ -98,37 +91,27 @@ def reduce_exactly(
     factors = np.array([width / seen.shape[1], height / seen.shape[0]]) / 2.0**times
     if (height, width) == seen.shape[:2]:
         return seen, factors
-    size = (width, height)
-    beside = _weight_beside(factor)
-    if beside is None:  # hardly any noise is left to take away, or more than three weights can
-        is_quick = not fine and factor > 1 / 2
-    else:
-        is_quick = not fine or (1 / 6 + 2 * beside) * 12 * factor**2 <= _MOST_BLUR
-    if not is_quick:
-        return np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_AREA), np.uint8), factors
-    if beside is not None:
-        # The Gaussian whose weights are those of three neighbours.
-        sigma = (-0.5 / np.log(beside / (1 - 2 * beside))) ** 0.5
-        seen = np.asarray(cv2.GaussianBlur(seen, (3, 3), sigma), np.uint8)
-    return np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_LINEAR), np.uint8), factors
+    return average_areas(seen, width, height), factors
+
+
+def average_areas(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+    """`image` (H, W) or (H, W, C), not smaller, at another size: each pixel is the mean of what it covers."""
+    kernels = find_kernels()
+    if kernels is None or not is_packed(image):
+        return average_areas_plain(image, width, height)
+    reduced = np.empty((height, width, *image.shape[2:]), np.uint8)
+    channels = image.shape[2] if image.ndim == 3 else 1
+    if not kernels.reduce_area(ctypes.byref(image_of(image)), ctypes.byref(image_of(reduced)), channels):
+        raise MemoryError
+    return reduced
+
+
+def average_areas_plain(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+    """`average_areas` by OpenCV: single pixels differ by a gray level."""
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def enlarge_image(image: NDArray[np.uint8], factor: float) -> NDArray[np.uint8]:
     """`image` (H, W) or (H, W, 3) at `factor` of its size (not below 1), cubic between its pixels."""
     height, width = (round(side * factor) for side in image.shape[:2])
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
-
-
-def _weight_beside(factor: float) -> float | None:
-    """Weight w of the pixels beside each, after which bilinear interpolation at steps of 1 / `factor` has little noise.
-
-    That is, of unit noise along one axis, 1.05 times the mean variance f - f^2 / 3 that area averages leave. Weights
-    (w, 1 - 2w, w) and bilinear interpolation leave 2/3 - 2 w + 8/3 w^2 on average. None where three weights are not
-    enough.
-    """
-    wanted = _NOISE * (factor - factor**2 / 3)
-    square = 1 - 8 / 3 * (2 / 3 - wanted)
-    if square < 0 or wanted >= 2 / 3:
-        return None
-    weight = 3 / 8 * (1 - square**0.5)
-    return float(weight) if weight <= 1 / 3 else None

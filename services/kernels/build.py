@@ -29,7 +29,7 @@ def build_kernels() -> str:
         return "there is no C compiler"
     with tempfile.TemporaryDirectory(dir=FOLDER) as folder:
         made = Path(folder) / target.name
-        command = [compiler, *FLAGS, *map(str, sorted(FOLDER.glob("*.c"))), "-o", str(made)]
+        command = [compiler, *FLAGS, *map(str, sorted(FOLDER.glob("*.c"))), "-o", str(made), "-lm"]
         try:
             done = subprocess.run(
                 command, capture_output=True, text=True, errors="replace", timeout=MOST_S, check=False

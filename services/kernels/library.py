@@ -29,6 +29,7 @@ _IMAGE = ctypes.POINTER(Image)
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "draw_bicubic": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS, _INT, _IMAGE),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
+    "reduce_area": (_IMAGE, _IMAGE, _INT),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "usable": (),
 }
@@ -59,9 +60,14 @@ def address(array: "NDArray[Any]") -> int:
     return int(array.ctypes.data)
 
 
+def is_packed(pixels: "NDArray[Any]") -> bool:
+    """Whether the bytes of a row of the image (H, W) or (H, W, C) are together in memory; rows may be apart."""
+    together = (pixels.shape[2], 1) if pixels.ndim == 3 else (1,)
+    return pixels.dtype == "uint8" and pixels.strides[1:] == together
+
+
 def image_of(pixels: "NDArray[Any]") -> Image:
-    """`pixels` (H, W, 3) of bytes; the pixels of a row are together in memory, rows may be apart."""
-    height, width, channels = pixels.shape
-    if pixels.dtype != "uint8" or pixels.strides[1:] != (channels, 1) or channels != 3:
-        raise ValueError("kernels take images of three bytes a pixel, rows of pixels together")
-    return Image(address(pixels), width, height, pixels.strides[0])
+    """The packed image `pixels` as kernels take it."""
+    if not is_packed(pixels):
+        raise ValueError("kernels take images of bytes whose rows are together in memory")
+    return Image(address(pixels), pixels.shape[1], pixels.shape[0], pixels.strides[0])

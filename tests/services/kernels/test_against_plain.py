@@ -14,6 +14,7 @@ from services.imaging.grid_paths import (
     trace_back,
     trace_back_plain,
 )
+from services.imaging.reduction import average_areas, average_areas_plain
 from services.kernels.library import find_kernels
 
 pytestmark = pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
@@ -94,6 +95,29 @@ def test_photos_that_are_narrower_than_what_is_loaded(width: int) -> None:
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
     ours, plain = drawn(photo, (x / 8, y / 16), 255)
     assert np.abs(ours.astype(int) - plain).max() <= 1
+
+
+@given(
+    st.integers(1, 60),
+    st.integers(1, 60),
+    st.integers(1, 60),
+    st.integers(1, 60),
+    st.sampled_from([1, 3]),
+    st.integers(0, 2**32 - 1),
+)
+def test_areas(height: int, width: int, rows: int, columns: int, channels: int, seed: int) -> None:
+    shape = (height, width + 2) if channels == 1 else (height, width + 2, channels)
+    image = np.random.default_rng(seed).integers(0, 256, shape, np.uint8)[:, 1:-1]
+    size = min(columns, width), min(rows, height)
+    difference = np.abs(average_areas(image, *size).astype(int) - average_areas_plain(image, *size))
+    # Halves between two levels are rounded by either.
+    assert difference.max() <= 1
+
+
+def test_areas_of_what_is_even_are_the_same() -> None:
+    image = np.full((70, 90, 3), 255, np.uint8)
+    assert (average_areas(image, 37, 41) == 255).all()
+    assert (average_areas(image[..., 0], 37, 41) == 255).all()
 
 
 @given(
