@@ -16,13 +16,23 @@ MAX_REDUCTION = 12.0
 """Most photo pixels per pixel of a page along one axis: a page needs fewer."""
 TILE_NODES = 16
 """Nodes of the grid along the side of a tile in which the place is sought where values between them become negative."""
+FAR_PX = 1e6
+"""Outside of any image."""
+ALL_KNOWN = 1 - 0.5 / (2 * GRID_STEP_PX) ** 2
+"""Share of known nodes round a pixel: one that is not counts with the square of half a pixel's share of a step at
+least."""
 _NO_SECOND_MAP: Any = None
 """OpenCV's own annotations demand one; an empty array is not the same, it gives wrong values."""
 
 
+def node_count(width: int, height: int) -> tuple[int, int]:
+    """Rows and columns of the nodes round a rectangle."""
+    return -(-height // GRID_STEP_PX) + 2, -(-width // GRID_STEP_PX) + 2
+
+
 def node_grid(left: int, top: int, width: int, height: int) -> tuple[Points, tuple[int, int]]:
     """Nodes (N, 2) round the rectangle, in its image's pixels, row by row; and their rows and columns."""
-    columns, rows = -(-width // GRID_STEP_PX) + 2, -(-height // GRID_STEP_PX) + 2
+    rows, columns = node_count(width, height)
     x = left + (np.arange(columns) - 0.5) * GRID_STEP_PX - 0.5
     y = top + (np.arange(rows) - 0.5) * GRID_STEP_PX - 0.5
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), (rows, columns)
@@ -39,6 +49,18 @@ def between_nodes(nodes: NDArray[np.float32], width: int, height: int) -> NDArra
     dense = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)
     # The first node is half a step before the rectangle, and values begin half a step before the first node.
     return np.asarray(dense[GRID_STEP_PX:, GRID_STEP_PX:][:height, :width], np.float32)
+
+
+def maps_between(
+    nodes: NDArray[np.float32], width: int, height: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """x and y (height, width) between `nodes` (rows, columns, 2); far away next to one that is NaN."""
+    known = np.isfinite(nodes).all(axis=-1)
+    filled: NDArray[np.float32] = np.nan_to_num(nodes)
+    x, y = (between_nodes(filled[..., axis], width, height) for axis in (0, 1))
+    if not known.all():
+        x[between_nodes(known.astype(np.float32), width, height) < ALL_KNOWN] = -FAR_PX
+    return x, y
 
 
 def negative_tiles(

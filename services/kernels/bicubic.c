@@ -16,6 +16,15 @@ enum {
     CHANNELS = 3,
     LOADED_PX = 6,      /* pixels that 16 bytes may touch */
     LINE_PX = 64,       /* pixels whose places are computed together */
+    NODE_PX = 16,       /* GRID_STEP_PX of `services/imaging/node_grid.py` */
+};
+
+/* Places in the image by `x` and `y`, numbers that are `step` apart and `stride` from row to row; or the homography `H`
+   (3, 3) of the view to the image. */
+struct map {
+    const float *x, *y;
+    ptrdiff_t stride, step;
+    const double *H;
 };
 
 /* Where pixels of a line are seen: the first of four columns and rows, and the place within a pixel. */
@@ -33,25 +42,57 @@ static inline void set_places(struct places *places, const int32_t *x, const int
     }
 }
 
-AVX2 static void places_by_map(
-    struct places *places, const float *x, const float *y, ptrdiff_t map_step, int count) {
+/* `x` and `y` (count,) in pixels; these have room for eight more. What is no number is far away. */
+AVX2 static void places_at(struct places *places, const float *x, const float *y, int count) {
     const __m256 steps = _mm256_set1_ps(STEPS), most = _mm256_set1_ps(FARTHEST_PX), least = _mm256_set1_ps(-FARTHEST_PX);
-    const float *map[2] = {x, y};
     int32_t whole[2][LINE_PX];
-    for (int axis = 0; axis < 2; axis++) {
-        float near[LINE_PX] = {0};
-        for (int i = 0; i < count; i++) near[i] = map[axis][i * map_step];
+    for (int axis = 0; axis < 2; axis++)
         for (int i = 0; i < count; i += 8) {
             /* The second operand is taken where the first is NaN. */
-            const __m256 at = _mm256_min_ps(_mm256_max_ps(_mm256_loadu_ps(near + i), least), most);
-            _mm256_storeu_si256((__m256i *)(whole[axis] + i), _mm256_cvtps_epi32(_mm256_mul_ps(at, steps)));
+            const __m256 at = _mm256_max_ps(_mm256_loadu_ps((axis ? y : x) + i), least);
+            const __m256i in_steps = _mm256_cvtps_epi32(_mm256_mul_ps(_mm256_min_ps(at, most), steps));
+            _mm256_storeu_si256((__m256i *)(whole[axis] + i), in_steps);
         }
-    }
     set_places(places, whole[0], whole[1], count);
 }
 
-/* Of the pixels (left, row), (left + 1, row), ... under the homography H (3, 3) of the view to the photo. */
-AVX2 static void places_by_homography(struct places *places, const double *H, int left, int row, int count) {
+static void places_by_map(struct places *places, const struct map *map, int left, int row, int count) {
+    const ptrdiff_t first = row * map->stride + left * map->step;
+    float x[LINE_PX] = {0}, y[LINE_PX] = {0};
+    for (int i = 0; i < count; i++) {
+        x[i] = map->x[first + i * map->step];
+        y[i] = map->y[first + i * map->step];
+    }
+    places_at(places, x, y, count);
+}
+
+/* Nodes are NODE_PX pixels apart, the first one half of that before the first pixel's edge, along both axes: the map is
+   bilinear between them. `left` is a multiple of NODE_PX. */
+static void places_between(struct places *places, const struct map *map, int left, int row, int count) {
+    const float down = (row % NODE_PX + 0.5f) / NODE_PX + 0.5f;
+    /* Nodes above and below: those of the row itself, or of the half cell before it. */
+    const int upper = row / NODE_PX + (down >= 1.0f), first = left / NODE_PX;
+    const float part = down >= 1.0f ? down - 1.0f : down;
+    float x[LINE_PX] = {0}, y[LINE_PX] = {0};
+    for (int axis = 0; axis < 2; axis++) {
+        const float *nodes = axis ? map->y : map->x;
+        float here[LINE_PX / NODE_PX + 2];
+        for (int k = 0; k < LINE_PX / NODE_PX + 2 && k * NODE_PX < count + NODE_PX + NODE_PX / 2; k++) {
+            const float *above = nodes + upper * map->stride + (first + k) * map->step, *below = above + map->stride;
+            here[k] = *above + part * (*below - *above);
+        }
+        for (int i = 0; i < count; i++) {
+            const float at = (i + 0.5f) / NODE_PX + 0.5f;
+            const int k = (int)at;
+            (axis ? y : x)[i] = here[k] + (at - k) * (here[k + 1] - here[k]);
+        }
+    }
+    places_at(places, x, y, count);
+}
+
+/* Of the pixels (left, row), (left + 1, row), ... */
+AVX2 static void places_by_homography(struct places *places, const struct map *map, int left, int row, int count) {
+    const double *H = map->H;
     const double start[3] = {H[0] * left + H[1] * row + H[2], H[3] * left + H[4] * row + H[5],
                              H[6] * left + H[7] * row + H[8]};
     const __m256d most = _mm256_set1_pd((double)FARTHEST_PX * STEPS), least = _mm256_set1_pd(-(double)FARTHEST_PX * STEPS);
@@ -165,21 +206,33 @@ AVX2 static void draw_line(
     }
 }
 
-/* The view whose pixels are seen at `x` and `y`, if there are such: numbers `map_step` apart, `map_stride` from row to
-   row. Else by the homography `H` (3, 3). `weights` (1024, 4) are those of four neighbours. */
-void draw_bicubic(
-    const struct image *image, const float *x, const float *y, ptrdiff_t map_stride, ptrdiff_t map_step,
-    const double *H, const int16_t *weights, int beyond, const struct view *view) {
+static void draw(
+    const struct image *image, const struct view *view, const int16_t *weights, int beyond, const struct map *map,
+    void (*find)(struct places *, const struct map *, int left, int row, int count)) {
     struct places places;
     for (int row = 0; row < view->height; row++)
         for (int left = 0; left < view->width; left += LINE_PX) {
             const int count = between(view->width - left, 0, LINE_PX);
-            const ptrdiff_t at = row * map_stride + left * map_step;
-            if (x)
-                places_by_map(&places, x + at, y + at, map_step, count);
-            else
-                places_by_homography(&places, H, left, row, count);
+            find(&places, map, left, row, count);
             draw_line(
                 image, &places, count, weights, beyond, view->pixels + row * view->stride + (ptrdiff_t)left * CHANNELS);
         }
+}
+
+/* The view of `image`: `weights` (1024, 4) are those of four neighbours. Its pixels are seen where `map` says. */
+void draw_by_map(
+    const struct image *image, const struct view *view, const int16_t *weights, int beyond, const struct map *map) {
+    draw(image, view, weights, beyond, map, places_by_map);
+}
+
+/* The same between the nodes of `map`. */
+void draw_between_nodes(
+    const struct image *image, const struct view *view, const int16_t *weights, int beyond, const struct map *map) {
+    draw(image, view, weights, beyond, map, places_between);
+}
+
+/* The same under the map's homography. */
+void draw_by_homography(
+    const struct image *image, const struct view *view, const int16_t *weights, int beyond, const struct map *map) {
+    draw(image, view, weights, beyond, map, places_by_homography);
 }

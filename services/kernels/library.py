@@ -24,10 +24,25 @@ class Image(ctypes.Structure):
     )
 
 
+class Map(ctypes.Structure):
+    """`struct map` of `bicubic.c`."""
+
+    _fields_ = (
+        ("x", ctypes.c_void_p),
+        ("y", ctypes.c_void_p),
+        ("stride", ctypes.c_ssize_t),
+        ("step", ctypes.c_ssize_t),
+        ("H", ctypes.c_void_p),
+    )
+
+
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE = ctypes.POINTER(Image)
+_DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
-    "draw_bicubic": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS, _INT, _IMAGE),
+    "draw_by_map": _DRAW,
+    "draw_between_nodes": _DRAW,
+    "draw_by_homography": _DRAW,
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Points, RgbImage
 from services.geometry.homographies import to_resized
-from services.imaging.bicubic import draw_bicubic
+from services.imaging.bicubic import draw_by_map
 from services.imaging.node_grid import (
     MAX_REDUCTION,
     between_nodes,
@@ -153,7 +153,7 @@ def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
     """The patch in colour, with its tones applied. Pixels outside of `covered` must not be used."""
     seen_at = patch_map.source
     drawn = np.empty((*seen_at.shape[:2], 3), np.uint8)
-    draw_bicubic(patch.source, drawn, (seen_at[..., 0], seen_at[..., 1]), beyond=None)
+    draw_by_map(patch.source, drawn, seen_at[..., 0], seen_at[..., 1], beyond=None)
     if not patch.is_toned:
         return drawn
     height, width = drawn.shape[:2]

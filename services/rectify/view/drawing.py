@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from services.arrays import Floats, GrayImage, Points, RgbImage, Vector
 from services.geometry.homographies import resizing, to_resized, transform_points, translation
 from services.geometry.page_frame import Frame
-from services.imaging.bicubic import Maps, draw_bicubic
+from services.imaging.bicubic import draw_between_nodes, draw_by_homography
 from services.imaging.node_grid import (
     GRID_STEP_PX,
     MAX_REDUCTION,
     band_nodes,
-    between_nodes,
     continuous_nodes,
+    maps_between,
     negative_tiles,
     node_grid,
     take_values,
@@ -57,7 +57,7 @@ def draw_gray_view(
     to_gray = _BandMap((photo_nodes(frame) if nodes is None else nodes) - origin, factor)
     for top in range(0, frame.height, BAND_PX):
         band = view[top : top + BAND_PX]
-        x, y = to_gray.between(top, *band.shape)
+        x, y = maps_between(to_gray.nodes(top, len(band)), frame.width, len(band))
         cv2.remap(gray, x, y, cv2.INTER_LINEAR, band, cv2.BORDER_CONSTANT, 255.0)
     return view
 
@@ -110,10 +110,10 @@ class FlatDrawing:
             band = flat[top : top + BAND_PX]
             if frame.H_photo_flat is None:
                 assert self._map is not None
-                draw_bicubic(self._photo, band, self._map.between(top, *band.shape[:2]), beyond=255)
+                draw_between_nodes(self._photo, band, self._map.nodes(top, len(band)), beyond=255)
             else:
                 H_photo_band = frame.H_photo_flat @ translation(0.0, float(top))
-                draw_bicubic(self._photo, band, H_photo_band, beyond=255)
+                draw_by_homography(self._photo, band, H_photo_band, beyond=255)
 
     def stop(self) -> None:
         """Let no other band be drawn: the view is not wanted."""
@@ -221,18 +221,10 @@ class _BandMap:
     """The map of a view to the photo resized by `factor`, by its nodes (rows, columns, 2) in the photo."""
 
     def __init__(self, nodes_in_photo: Floats, factor: float | Vector) -> None:
-        self._nodes = to_resized(nodes_in_photo, factor)
-        self._known = continuous_nodes(self._nodes, MAX_REDUCTION * float(np.max(factor)))
+        nodes = to_resized(nodes_in_photo, factor)
+        known = continuous_nodes(nodes, MAX_REDUCTION * float(np.max(factor)))
+        self._nodes = np.where(known[..., None], nodes, np.nan).astype(np.float32)
 
-    def between(self, top: int, rows: int, width: int) -> Maps:
-        """The image's x and y (rows, width) at the view's rows from `top` on, a multiple of the nodes' step."""
-        near = band_nodes(top, rows)
-        nodes, known = self._nodes[near], self._known[near]
-        x, y = (
-            between_nodes(np.where(known, nodes[..., axis], 0.0).astype(np.float32), width, rows)
-            for axis in (0, 1)
-        )
-        if not known.all():
-            # A pixel next to an unknown node is mapped to a place outside the photo.
-            x[between_nodes(known.astype(np.float32), width, rows) < 0.999] = -1e6
-        return x, y
+    def nodes(self, top: int, rows: int) -> NDArray[np.float32]:
+        """Those round the view's `rows` from `top` on, a multiple of the nodes' step; NaN where nothing is seen."""
+        return self._nodes[band_nodes(top, rows)]

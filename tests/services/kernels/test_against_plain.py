@@ -1,21 +1,32 @@
 """Each kernel beside its plain version."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.arrays import Homography, RgbImage
-from services.imaging.bicubic import Maps, bicubic_weights, draw_bicubic, draw_bicubic_plain
+from services.arrays import RgbImage
+from services.imaging.bicubic import (
+    bicubic_weights,
+    draw_between_nodes,
+    draw_between_nodes_plain,
+    draw_by_homography,
+    draw_by_homography_plain,
+    draw_by_map,
+    draw_by_map_plain,
+)
 from services.imaging.grid_paths import (
     accumulate_scores,
     accumulate_scores_plain,
     trace_back,
     trace_back_plain,
 )
+from services.imaging.node_grid import GRID_STEP_PX, node_grid
 from services.imaging.reduction import average_areas, average_areas_plain
-from services.kernels.library import find_kernels
+from services.kernels.library import FOLDER, find_kernels
 
 pytestmark = pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
 SIZE = (61, 83)
@@ -30,12 +41,15 @@ def photo() -> RgbImage:
     return smooth
 
 
-def drawn(photo: RgbImage, seen_at: Maps | Homography, beyond: int | None) -> tuple[RgbImage, RgbImage]:
+Views = tuple[RgbImage, RgbImage]
+
+
+def drawn(kernel: Callable[..., None], plain: Callable[..., None], *arguments: object) -> Views:
     """By the kernel and plain; into views that are parts of larger arrays, as bands are."""
     views = [np.full((SIZE[0] + 2, SIZE[1], 3), 7, np.uint8) for _ in range(2)]
-    draw_bicubic(photo, views[0][1:-1], seen_at, beyond)
-    draw_bicubic_plain(photo, views[1][1:-1], seen_at, beyond)
-    for view in views:
+    image, *others = arguments
+    for draw, view in zip((kernel, plain), views, strict=True):
+        draw(image, view[1:-1], *others)
         assert (view[[0, -1]] == 7).all()
     return views[0][1:-1], views[1][1:-1]
 
@@ -52,20 +66,44 @@ def test_maps(photo: RgbImage, beyond: int | None, shift: tuple[float, float]) -
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
     at = np.stack([x + 3 * np.sin(y / 9) + shift[0], 0.9 * y + 2 * np.cos(x / 7) + shift[1]], axis=-1)
     at = at.astype(np.float32)
-    assert_alike(*drawn(photo, (at[..., 0], at[..., 1]), beyond))
-    apart = drawn(photo, (at[..., 0].copy(), at[..., 1].copy()), beyond)[0]
-    assert np.array_equal(apart, drawn(photo, (at[..., 0], at[..., 1]), beyond)[0])
+    together = drawn(draw_by_map, draw_by_map_plain, photo, at[..., 0], at[..., 1], beyond)
+    assert_alike(*together)
+    apart = drawn(draw_by_map, draw_by_map_plain, photo, at[..., 0].copy(), at[..., 1].copy(), beyond)
+    assert np.array_equal(apart[0], together[0])
+
+
+@pytest.mark.parametrize("size", [(61, 83), (61, 64), (16, 89), (1, 1), (17, 72), (48, 73)])
+def test_nodes(photo: RgbImage, size: tuple[int, int]) -> None:
+    grid, (rows, columns) = node_grid(0, 0, size[1], size[0])
+    nodes = (
+        (grid + 3 * np.sin(grid[:, ::-1] / 20) + [2.5, -7.25]).reshape(rows, columns, 2).astype(np.float32)
+    )
+    nodes[0, 1] = np.nan
+    views = [np.full((*size, 3), 7, np.uint8) for _ in range(2)]
+    draw_between_nodes(photo, views[0], nodes, 255)
+    draw_between_nodes_plain(photo, views[1], nodes, 255)
+    assert (views[0][:8] == 255).any()
+    assert_alike(views[0], views[1])
+
+
+def test_nodes_of_another_view_are_refused(photo: RgbImage) -> None:
+    with pytest.raises(ValueError, match="round the view"):
+        draw_between_nodes(photo, np.zeros((40, 40, 3), np.uint8), np.zeros((4, 5, 2), np.float32), 255)
+
+
+def test_nodes_are_as_far_apart_as_the_kernel_takes_them() -> None:
+    assert f"NODE_PX = {GRID_STEP_PX}," in (FOLDER / "bicubic.c").read_text()
 
 
 @pytest.mark.parametrize("beyond", [255, None])
 def test_homographies(photo: RgbImage, beyond: int | None) -> None:
     H_photo_view = np.array([[1.1, 0.1, -6.0], [-0.05, 0.9, 4.0], [1e-3, -2e-3, 1.0]])
-    assert_alike(*drawn(photo, H_photo_view, beyond))
+    assert_alike(*drawn(draw_by_homography, draw_by_homography_plain, photo, H_photo_view, beyond))
 
 
 def test_a_horizon_within_the_view_is_drawn(photo: RgbImage) -> None:
     H_photo_view = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1 / 30, -1.0]])
-    ours, plain = drawn(photo, H_photo_view, 255)
+    ours, plain = drawn(draw_by_homography, draw_by_homography_plain, photo, H_photo_view, 255)
     # On the horizon itself a place is infinite.
     assert (ours[30] == 255).all()
     assert_alike(np.delete(ours, 30, axis=0), np.delete(plain, 30, axis=0))
@@ -75,13 +113,15 @@ def test_places_that_are_no_numbers_are_beyond(photo: RgbImage) -> None:
     x, y = (np.full(SIZE, value, np.float32) for value in (np.nan, 5.0))
     x[1], x[2] = np.inf, -1e30
     view = np.zeros((*SIZE, 3), np.uint8)
-    draw_bicubic(photo, view, (x, y), 255)
+    draw_by_map(photo, view, x, y, 255)
     assert (view == 255).all()
 
 
 def test_whole_places_are_the_photo_itself(photo: RgbImage) -> None:
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
-    assert np.array_equal(drawn(photo, (x, y), None)[0], photo[: SIZE[0], : SIZE[1]])
+    assert np.array_equal(
+        drawn(draw_by_map, draw_by_map_plain, photo, x, y, None)[0], photo[: SIZE[0], : SIZE[1]]
+    )
 
 
 def test_weights_add_up() -> None:
@@ -93,7 +133,7 @@ def test_weights_add_up() -> None:
 def test_photos_that_are_narrower_than_what_is_loaded(width: int) -> None:
     photo = np.random.default_rng(width).integers(0, 256, (4, width, 3), np.uint8)
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
-    ours, plain = drawn(photo, (x / 8, y / 16), 255)
+    ours, plain = drawn(draw_by_map, draw_by_map_plain, photo, x / 8, y / 16, 255)
     assert np.abs(ours.astype(int) - plain).max() <= 1
 
 
