@@ -55,7 +55,7 @@ def maps_between(
     nodes: NDArray[np.float32], width: int, height: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """x and y (height, width) between `nodes` (rows, columns, 2); far away next to one that is NaN."""
-    known = np.isfinite(nodes).all(axis=-1)
+    known = np.asarray(np.isfinite(nodes).all(axis=-1))
     filled: NDArray[np.float32] = np.nan_to_num(nodes)
     x, y = (between_nodes(filled[..., axis], width, height) for axis in (0, 1))
     if not known.all():
