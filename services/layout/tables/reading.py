@@ -28,8 +28,8 @@ _UNLIKE = -3.0
 _MOST_AMOUNTS = 60
 """Amounts below a table that its sum is looked for among; the last ones."""
 _CENT = Decimal("0.02")
-_LARGEST_TAX = Decimal("0.3")
-"""Of a sum; the largest rate of a value added tax is 27 % (Hungary)."""
+_LARGEST_OTHER = Decimal("0.3")
+"""Of a sum, of what is added or taken off; the largest rate of a value added tax is 27 % (Hungary)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +108,10 @@ def _added_label(plan: TablePlan) -> str | None:
 def _sum_fits(
     pages: Sequence[Page], found: Sequence[Sequence[FoundTable]], plans: Sequence[TablePlan | None]
 ) -> bool | None:
-    """Whether a column of all tables adds up to an amount below the last one, or with another one to a third.
+    """Whether a column of all tables adds up to an amount below the last one, or to one with or without another one.
 
-    None where a row has no amount, no column adds up, nothing is printed below, or the other one is more than a tax:
-    it may be an item that was not found.
+    None where a row has no amount, no column adds up, nothing is printed below, or the other one is more than a tax or
+    a discount: it may be an item that was not found.
     """
     plan = next(
         (plan for plan, tables in zip(plans, found, strict=True) if plan is not None and tables), None
@@ -127,15 +127,16 @@ def _sum_fits(
     total = sum((number for number in numbers if number is not None), Decimal(0))
     if any(abs(amount - total) <= _CENT for amount in below):
         return True
-    added = [
+    # A tax leads to more than the sum, a discount to less.
+    others = [
         part
         for part in below
         for whole in below
-        if part and whole > part and abs(total + part - whole) <= _CENT
+        if part and whole > part and min(abs(total + part - whole), abs(total - part - whole)) <= _CENT
     ]
-    if any(part <= _LARGEST_TAX * total for part in added):
+    if any(part <= _LARGEST_OTHER * total for part in others):
         return True
-    return None if added else False
+    return None if others else False
 
 
 def _amounts_below(pages: Sequence[Page], found: Sequence[Sequence[FoundTable]]) -> list[Decimal]:
