@@ -51,9 +51,9 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
 
 
 def library_path() -> Path:
-    """Where the library of these sources is, or will be: one of other sources is not taken for it."""
+    """Where the library of these sources and flags is, or will be: one of others is not taken for it."""
     digest = hashlib.sha256()
-    for source in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h")]):
+    for source in sorted([*FOLDER.glob("*.c"), *FOLDER.glob("*.h"), FOLDER / "build.py"]):
         digest.update(source.read_bytes())
     return FOLDER / PATTERN.replace("*", digest.hexdigest()[:16])
 

@@ -14,7 +14,7 @@ from services.kernels import build, library
 @pytest.fixture
 def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder of its own with the kernels' sources, in place of the package's."""
-    for source in [*library.FOLDER.glob("*.c"), *library.FOLDER.glob("*.h")]:
+    for source in [*library.FOLDER.glob("*.[ch]"), library.FOLDER / "build.py"]:
         shutil.copy(source, tmp_path)
     monkeypatch.setattr(library, "FOLDER", tmp_path)
     monkeypatch.setattr(build, "FOLDER", tmp_path)
