@@ -36,8 +36,32 @@ class Map(ctypes.Structure):
     )
 
 
+class Sheet(ctypes.Structure):
+    """`struct sheet` of `surface.h`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("nodes", "P", "A", "R")),
+        *((name, ctypes.c_int32) for name in ("count", "first", "last")),
+        ("step", ctypes.c_double),
+        ("focal", ctypes.c_double),
+        ("slopes", ctypes.c_double * 2),
+        ("cosine", ctypes.c_double),
+        ("sine", ctypes.c_double),
+        ("anchor", ctypes.c_double * 2),
+    )
+
+
+class SheetPoints(ctypes.Structure):
+    """`struct points` of `surface.h`."""
+
+    _fields_ = (
+        ("count", ctypes.c_ssize_t),
+        *((name, ctypes.c_void_p) for name in ("photo", "sheet", "page", "jacobians", "X", "A", "R")),
+    )
+
+
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
-_IMAGE = ctypes.POINTER(Image)
+_IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, Sheet, SheetPoints))
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "draw_by_map": _DRAW,
@@ -45,8 +69,12 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "draw_by_homography": _DRAW,
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
+    "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
+    "see_points": (_SHEET, _ADDRESS, _SIZE, ctypes.c_double, _ADDRESS),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "unroll_points": (_SHEET, _POINTS),
     "usable": (),
+    "vary_points": (_SHEET, _POINTS, _ADDRESS, _ADDRESS, _ADDRESS, _INT, _INT, _ADDRESS, _SIZE),
 }
 
 

@@ -143,11 +143,12 @@ class PageResiduals:
         surface = self.surface(x)
         at = surface.unroll(self.print.points - self.principal_point(x))
         turn = self.rotation @ rotation_from_vector(x[TURN]) @ _right_jacobian(x[TURN])
-        moved = vary_page(surface, at, turn, still=BENDS - SLANT)
-        if self.observed.principal_point:
+        free = len(x) - self.principal
+        moved = vary_page(surface, at, turn, still=BENDS - SLANT, room=free)
+        if free:
             # The origin of the sheet keeps its place in the photo: points at its depth do not move.
             nearer = surface.focal / at.X[:, 2] - 1
-            moved = np.concatenate([moved, at.jacobians * nearer[:, None, None]], axis=2)
+            np.multiply(at.jacobians, nearer[:, None, None], out=moved[:, :, self.principal :])
         return at, moved
 
     def parts(self, x: Vector) -> dict[str, Residual]:

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from services.arrays import Floats, Points, Vector
+from services.kernels.library import Sheet, SheetPoints, address, find_kernels
 
 NODES = 160
 """Nodes along the a-axis; the error of the trapezoidal rule is then below 1e-5 of the page for all bends of paper."""
@@ -85,6 +86,22 @@ def running_products(factors: Floats) -> Floats:
     return products
 
 
+def roll_frames(turns: Floats) -> Floats:
+    """Frames (N + 1, 3, 3) of what turns by the axis-angle vectors `turns` (N, 3), one after the other."""
+    kernels = find_kernels()
+    if kernels is None:
+        return roll_frames_plain(turns)
+    turns = np.ascontiguousarray(turns, np.float64)
+    frames = np.empty((len(turns) + 1, 3, 3))
+    kernels.roll_frames(address(turns), len(frames), address(frames))
+    return frames
+
+
+def roll_frames_plain(turns: Floats) -> Floats:
+    """`roll_frames` without a kernel."""
+    return np.concatenate([np.eye(3)[None], running_products(rotations(turns))])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DevelopableSurface:
     """A developable page as a `PageMap`.
@@ -118,14 +135,14 @@ class DevelopableSurface:
         middle = 0.5 * (s[1:] + s[:-1])
         k = self.basis.midpoints @ self.bends
         turn = step * np.stack([k * self.slope(middle), k, np.zeros_like(k)], axis=1)
-        frames = np.concatenate([np.eye(3)[None], running_products(rotations(turn))])
+        frames = roll_frames(turn)
         origin = int(np.argmin(np.abs(s)))
         # The frame at s = 0 is the given one: from the nearest node, by the remaining distance.
         k0 = float(self.basis.values[origin] @ self.bends)
         rest = -s[origin] * k0 * np.array([[self.slope(s[origin : origin + 1])[0], 1.0, 0.0]])
         start = frames[origin] @ rotations(rest)[0]
         frames = self.rotation @ start.T @ frames
-        A = frames[:, :, 0]
+        A = np.ascontiguousarray(frames[:, :, 0])
         P = np.zeros((len(s), 3))
         P[1:] = np.cumsum(0.5 * step * (A[1:] + A[:-1]), axis=0)
         at_origin = P[origin] - s[origin] * A[origin]
@@ -142,6 +159,21 @@ class DevelopableSurface:
         object.__setattr__(self, "A", A)
         object.__setattr__(self, "N", N)
         object.__setattr__(self, "R", w * A + frames[:, :, 1])
+
+    def for_kernels(self) -> Sheet:
+        """The surface as kernels take it, which must not outlive it."""
+        nodes = self.basis.nodes
+        return Sheet(
+            *(address(table) for table in (nodes, self.P, self.A, self.R)),
+            len(nodes),
+            *self.front,
+            float(nodes[1] - nodes[0]),
+            self.focal,
+            self.slopes,
+            np.cos(self.skew_rad),
+            np.sin(self.skew_rad),
+            self.anchor,
+        )
 
     def slope(self, s: Vector) -> Vector:
         """Slope w(s) of the rulings on the sheet."""
@@ -173,6 +205,16 @@ class DevelopableSurface:
 
     def to_photo(self, page: Points) -> Points:
         """See `PageMap`. The sheet ends where its rulings cross, where it turns away, and behind the camera."""
+        kernels = find_kernels()
+        if kernels is None:
+            return self.to_photo_plain(page)
+        page = np.ascontiguousarray(page, np.float64)
+        seen = np.empty_like(page)
+        kernels.see_points(self.for_kernels(), address(page), len(page), MIN_GROWTH, address(seen))
+        return seen
+
+    def to_photo_plain(self, page: Points) -> Points:
+        """`to_photo` without a kernel."""
         sheet = self.to_sheet(page)
         s, t = sheet.T
         P, R, A = self._along(s)
@@ -198,6 +240,20 @@ class DevelopableSurface:
         moment P x R is the projected ruling. The root is bracketed among the nodes for all points at once, then
         found by Newton's method on the Hermite cubic between two nodes.
         """
+        kernels = find_kernels()
+        if kernels is None:
+            return self.unroll_plain(centred)
+        count = len(centred)
+        sheet, page = np.empty((2, count, 2))
+        X, A, R = np.empty((3, 3, count)).swapaxes(1, 2)
+        in_photo = np.ascontiguousarray(centred, np.float64)
+        at = Unrolled(in_photo, sheet, page, np.empty((count, 2, 2)), X, A, R)
+        if not kernels.unroll_points(self.for_kernels(), at.for_kernels()[0]):
+            raise MemoryError
+        return at
+
+    def unroll_plain(self, centred: Points) -> "Unrolled":
+        """`unroll` without a kernel."""
         x, y = np.ascontiguousarray(centred.T)
         d = np.stack([x, y, np.full(len(centred), self.focal)])
         nodes = self.basis.nodes
@@ -312,6 +368,12 @@ class Unrolled:
     X: Floats
     A: Floats
     R: Floats
+
+    def for_kernels(self) -> tuple[SheetPoints, list[Floats]]:
+        """The points as kernels take them, and the arrays that hold them."""
+        found = self.centred, self.sheet, self.page, self.jacobians, self.X.T, self.A.T, self.R.T
+        arrays: list[Floats] = [np.ascontiguousarray(each, np.float64) for each in found]
+        return SheetPoints(len(self.centred), *map(address, arrays)), arrays
 
 
 def cross(a: Floats, b: Floats) -> Floats:

@@ -11,6 +11,7 @@ derivative of the page by the photo: d(u, v) = -J dx + what (u, v) change at fix
 import numpy as np
 
 from services.arrays import Floats, Vector
+from services.kernels.library import address, find_kernels
 from services.sheet.developable.surface import DevelopableSurface, Unrolled, cross
 
 TURN, LOG_FOCAL, SKEW, SLOPES = slice(0, 3), 3, 4, slice(5, 7)
@@ -20,16 +21,34 @@ GLOBAL = SLOPES.stop
 
 
 def vary_page(
-    surface: DevelopableSurface, at: Unrolled, turn: Floats | None = None, still: int = 0
+    surface: DevelopableSurface, at: Unrolled, turn: Floats | None = None, still: int = 0, room: int = 0
 ) -> Floats:
-    """Derivatives (N, 2, 7 + `still` + K) of the page points by turn, log focal length, skew, slopes and bends.
+    """Derivatives (N, 2, 7 + `still` + K + `room`) of the page points by turn, log focal length, skew, slopes, bends.
 
     The turn's three numbers are about the columns of `turn` (3, 3), the camera's axes unless given. Before the bends
-    come `still` columns of zeros, for parameters that move nothing.
+    come `still` columns of zeros, for parameters that move nothing; after them come `room` columns for the caller.
     """
+    kernels = find_kernels()
+    if kernels is None:
+        return vary_page_plain(surface, at, turn, still, room)
+    splines = np.ascontiguousarray(surface.basis.values, np.float64)
+    bend, axes = splines @ surface.bends, _axes(surface, turn)
+    moved = np.empty((len(at.sheet), 2, GLOBAL + still + len(surface.bends) + room))
+    (points, _held), tables = at.for_kernels(), (address(axes), address(bend), address(splines))
+    sizes = still, len(surface.bends), address(moved), moved.shape[2]
+    if not kernels.vary_points(surface.for_kernels(), points, *tables, *sizes):
+        raise MemoryError
+    return moved
+
+
+def vary_page_plain(
+    surface: DevelopableSurface, at: Unrolled, turn: Floats | None = None, still: int = 0, room: int = 0
+) -> Floats:
+    """`vary_page` without a kernel."""
     s, t = np.ascontiguousarray(at.sheet.T)
     X, A, R, centred = at.X.T, at.A.T, at.R.T, at.centred.T
-    moved = np.zeros((len(s), 2, GLOBAL + still + len(surface.bends)))
+    bends = GLOBAL + still + np.arange(len(surface.bends))
+    moved = np.zeros((len(s), 2, GLOBAL + still + len(bends) + room))
     # A point that moves by dX moves on the page by G dX = -J (f dX - x dX_z) / Z.
     J = at.jacobians.transpose(1, 2, 0) / X[2]
     G = np.empty((2, 3, len(s)))
@@ -38,20 +57,24 @@ def vary_page(
     # Where the frame turns by d phi, dX = d phi x arm, so that G dX = d phi (arm x G).
     arm = X - np.array([*surface.anchor, surface.focal])[:, None]
     turned = cross(arm, G)
-    axes = np.column_stack([np.eye(3) if turn is None else turn, -surface.rotation[:, 2]])
-    by_axes = turned.transpose(2, 0, 1) @ axes
+    by_axes = turned.transpose(2, 0, 1) @ _axes(surface, turn)
     moved[:, :, TURN], moved[:, :, SKEW] = by_axes[..., :3], by_axes[..., 3]
     # A longer focal length also moves the image itself.
     moved[:, :, LOG_FOCAL] = (surface.focal * G[:, 2] - X[2] * G[:, 2]).T
     moved[:, 0, SKEW] += at.page[:, 1]
     moved[:, 1, SKEW] -= at.page[:, 0]
     of_tables = _sum_tables(surface, s, np.concatenate([cross(t * R, G), G], axis=1))
-    moved[:, :, SLOPES], moved[:, :, GLOBAL + still :] = of_tables[..., :2], of_tables[..., 2:]
+    moved[:, :, SLOPES], moved[:, :, bends] = of_tables[..., :2], of_tables[..., 2:]
     along = (G[:, 0] * A[0] + G[:, 1] * A[1] + G[:, 2] * A[2]).T
     along += np.array([np.cos(surface.skew_rad), -np.sin(surface.skew_rad)])
     moved[:, :, SLOPES.start] += along * (t * s)[:, None]
     moved[:, :, SLOPES.start + 1] += along * (t * s * s)[:, None]
     return moved
+
+
+def _axes(surface: DevelopableSurface, turn: Floats | None) -> Floats:
+    """Axes (3, 4) that a frame turns about by the three numbers of a turn, and by the skew."""
+    return np.column_stack([np.eye(3) if turn is None else turn, -surface.rotation[:, 2]])
 
 
 def _sum_tables(surface: DevelopableSurface, s: Vector, factors: Floats) -> Floats:
