@@ -19,6 +19,8 @@ _LEVEL_SHARE, _UPRIGHT_SHARE = 1 / 12, 1 / 24
 """Shortest level and upright rule, as shares of the page's width: print has no strokes as long."""
 _DARK = 40
 """Least difference of a rule from the paper around it, in gray levels; hairlines are grayed when they are scanned."""
+_WIDEST_SHARE = 1 / 150
+"""Of the page's width (1.4 mm of A4): what is wider is a band with light print, the shade of a row, or a picture."""
 _FEWEST_LEVEL, _FEWEST_UPRIGHT = 2, 3
 """Rules that cross each other from which on they are a grid: an underline and a frame are none."""
 _CELL_PX = 8
@@ -81,6 +83,15 @@ def _find_grids(page: GrayImage) -> NDArray[np.uint8] | None:
     if min(level_px, upright_px) < 8 or height < 2 * upright_px:
         return None
     dark = np.asarray(cv2.inRange(page, -1.0, _level_of_paper(page) - _DARK - 1.0), np.uint8)
+    # Most pages have no grid, whatever is wide; only on others is it worth its time to tell what is narrow.
+    if _grids_of(dark, level_px, upright_px) is None:
+        return None
+    around = np.ones((max(round(width * _WIDEST_SHARE), 3),) * 2, np.uint8)
+    narrow = cv2.inRange(cv2.morphologyEx(page, cv2.MORPH_BLACKHAT, around), _DARK + 1.0, 256.0)
+    return _grids_of(np.asarray(cv2.bitwise_and(dark, narrow), np.uint8), level_px, upright_px)
+
+
+def _grids_of(dark: NDArray[np.uint8], level_px: int, upright_px: int) -> NDArray[np.uint8] | None:
     level = _long_runs(dark, level_px)
     if level is None:
         return None

@@ -42,6 +42,27 @@ def test_a_frame_and_underlines_are_no_grid() -> None:
         assert cells_of_grids(page) == []
 
 
+def with_head(page: np.ndarray) -> np.ndarray:
+    """The page with a dark band over rows 380 to 460 that has light strokes."""
+    page[380:460, 100:900] = 60
+    for x in (300, 330, 700):
+        page[405:435, x : x + 12] = PAPER
+    return page
+
+
+def test_a_dark_band_with_light_print_is_no_grid() -> None:
+    page = with_head(np.full((1200, 1000), PAPER, np.uint8))
+    assert without_grids(page) is page
+    assert cells_of_grids(page) == []
+
+
+def test_light_print_in_the_dark_head_of_a_grid_stays() -> None:
+    page = with_head(page_with([380, 460, 540, 620], [100, 500, 898]))
+    cleaned = without_grids(page)
+    assert (cleaned[470:] == PAPER).all()
+    assert np.array_equal(cleaned[385:455, 105:490], page[385:455, 105:490])
+
+
 @pytest.mark.parametrize("length", [8, 21, 30])
 @pytest.mark.parametrize("down", [False, True])
 def test_long_runs_are_those_of_an_opening(length: int, down: bool) -> None:
