@@ -70,6 +70,8 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
+    "measure_steps": (_ADDRESS, *(_SIZE,) * 6, _ADDRESS, _ADDRESS),
+    "sample_profiles": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
     "see_points": (_SHEET, _ADDRESS, _SIZE, ctypes.c_double, _ADDRESS),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "unroll_points": (_SHEET, _POINTS),

@@ -336,7 +336,8 @@ class DevelopableSurface:
         """
         nodes = self.basis.nodes
         step = float(nodes[1] - nodes[0])
-        left = np.minimum(np.maximum(((s - nodes[0]) / step).astype(int), 0), len(nodes) - 2)
+        with np.errstate(invalid="ignore"):  # NaN is in any interval, and stays NaN
+            left = np.minimum(np.maximum(((s - nodes[0]) / step).astype(int), 0), len(nodes) - 2)
         x = (s - nodes[left]) / step
         A = self.A.T
         table = np.concatenate([self.P.T, self.R.T, A, self.slope_rate(nodes) * A])

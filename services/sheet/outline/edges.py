@@ -1,5 +1,6 @@
 """The sheet's edge, point by point: searched along the normals of a curve that is near it."""
 
+import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, RgbImage, Vector
 from services.imaging.channels import length_of_channels
+from services.kernels.library import address, find_kernels, image_of, is_packed
 from services.sheet.outline.paths import find_closed_paths, find_open_paths
 from services.sheet.outline.results import LEAST_POINTS, SIDE_POINTS
 
@@ -93,6 +95,26 @@ def edge_profiles(
     image: RgbImage, points: Points, normals: Points, offsets: Vector, tangential: Floats
 ) -> Floats:
     """Colours (N, M, 3) at `offsets` (M,) along the normals, averaged over the `tangential` offsets (N, T)."""
+    kernels = find_kernels()
+    if kernels is None or not is_packed(image):
+        return edge_profiles_plain(image, points, normals, offsets, tangential)
+    colors = np.empty((len(points), len(offsets), 3), np.float32)
+    given = [np.ascontiguousarray(a, np.float64) for a in (points, normals, offsets, tangential)]
+    at, across, steps, aside = map(address, given)
+    kernels.sample_profiles(
+        ctypes.byref(image_of(image)),
+        *(at, across, len(points)),
+        *(steps, len(offsets)),
+        *(aside, tangential.shape[1]),
+        address(colors),
+    )
+    return colors
+
+
+def edge_profiles_plain(
+    image: RgbImage, points: Points, normals: Points, offsets: Vector, tangential: Floats
+) -> Floats:
+    """`edge_profiles` without a kernel; each of the averaged colours is rounded."""
     along = np.column_stack([-normals[:, 1], normals[:, 0]])
     base = points[:, None, :] + offsets[None, :, None] * normals[:, None, :]
     total = np.zeros((*base.shape[:2], 3), np.float32)
@@ -100,6 +122,45 @@ def edge_profiles(
         at = (base + (offset[:, None] * along)[:, None, :]).astype(np.float32)
         total += cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(total / tangential.shape[1])
+
+
+def steps_along(colors: Floats, sought: slice, ground: tuple[int, int]) -> tuple[Floats, Floats]:
+    """The steps of colour in profiles `colors` (N, M, 3) at the `sought` ones of the M.
+
+    Differences (N, S, 3) of the means of the `ground`, from its first to its last step on both sides; and how steeply
+    the colours change there in the direction of these, levels in a step (N, S). Two steps and those of the ground lie
+    on both sides of what is sought.
+    """
+    first, last = ground
+    if not max(last, 3) <= sought.start < sought.stop <= colors.shape[1] - max(last, 3):
+        raise ValueError("profiles reach beyond what is sought in them")
+    kernels = find_kernels()
+    if kernels is None:
+        return steps_along_plain(colors, sought, ground)
+    colors = np.ascontiguousarray(colors, np.float32)
+    count, steps, size = *colors.shape[:2], sought.stop - sought.start
+    difference, along = np.empty((count, size, 3)), np.empty((count, size))
+    where = count, steps, sought.start, size, first, last
+    if not kernels.measure_steps(address(colors), *where, address(difference), address(along)):
+        raise MemoryError
+    return difference, along
+
+
+def steps_along_plain(colors: Floats, sought: slice, ground: tuple[int, int]) -> tuple[Floats, Floats]:
+    """`steps_along` without a kernel."""
+    first, last = ground
+    # Means on both sides of every sample, from running sums.
+    sums = np.concatenate(
+        [np.zeros((len(colors), 1, 3)), np.cumsum(colors, axis=1, dtype=np.float64)], axis=1
+    )
+    inside = np.arange(sought.start, sought.stop)
+    inner = (sums[:, inside - first + 1] - sums[:, inside - last]) / (last - first + 1)
+    outer = (sums[:, inside + last + 1] - sums[:, inside + first]) / (last - first + 1)
+    difference = outer - inner
+    blurred = np.asarray(cv2.sepFilter2D(colors, -1, np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16, np.ones(1)))
+    slope = np.gradient(blurred, axis=1)[:, inside]
+    along = np.einsum("nmk,nmk->nm", slope, difference) / np.maximum(length_of_channels(difference), 1e-6)
+    return difference, along
 
 
 def _shown(points: Points, window: tuple[float, float, float, float], margin: float) -> NDArray[np.bool_]:
@@ -244,18 +305,9 @@ def _measure(
     tangential = np.repeat(spacing, curves.shape[1])[:, None] * np.linspace(-0.4, 0.4, 5)
     colors = edge_profiles(image, points, normals, offsets, tangential)
     first, last = int(np.ceil(near / step)), int(np.ceil(far / step))
-    # Means on both sides of every sample, from running sums.
-    sums = np.concatenate(
-        [np.zeros((len(points), 1, 3)), np.cumsum(colors, axis=1, dtype=np.float64)], axis=1
-    )
     inside = np.flatnonzero(np.abs(offsets) <= reach)
-    inner = (sums[:, inside - first + 1] - sums[:, inside - last]) / (last - first + 1)
-    outer = (sums[:, inside + last + 1] - sums[:, inside + first]) / (last - first + 1)
-    difference = outer - inner
-    contrast = length_of_channels(difference)
-    blurred = np.asarray(cv2.sepFilter2D(colors, -1, np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16, np.ones(1)))
-    slope = np.gradient(blurred, step, axis=1)[:, inside]
-    along = np.einsum("nmk,nmk->nm", slope, difference) / np.maximum(contrast, 1e-6)
+    difference, along = steps_along(colors, slice(inside[0], inside[-1] + 1), (first, last))
+    contrast, along = length_of_channels(difference), along / step
     # A sharp step of contrast c has the slope c / width; a flat ramp has less.
     sharp = np.clip(along * width / np.maximum(contrast, SEEN_CONTRAST), 0, 1)
     strength = contrast**2 / (contrast**2 + CONTRAST**2) * sharp

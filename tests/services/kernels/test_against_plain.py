@@ -27,6 +27,7 @@ from services.imaging.grid_paths import (
 from services.imaging.node_grid import GRID_STEP_PX, node_grid
 from services.imaging.reduction import average_areas, average_areas_plain
 from services.kernels.library import FOLDER, find_kernels
+from services.sheet.outline.edges import edge_profiles, edge_profiles_plain, steps_along, steps_along_plain
 
 pytestmark = pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
 SIZE = (61, 83)
@@ -135,6 +136,32 @@ def test_photos_that_are_narrower_than_what_is_loaded(width: int) -> None:
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
     ours, plain = drawn(draw_by_map, draw_by_map_plain, photo, x / 8, y / 16, 255)
     assert np.abs(ours.astype(int) - plain).max() <= 1
+
+
+def test_profiles(photo: RgbImage) -> None:
+    """Also beyond the photo, where its border is repeated; OpenCV rounds what is averaged."""
+    rng = np.random.default_rng(6)
+    points, angle = rng.uniform(-20, 110, (200, 2)), rng.uniform(0, 2 * np.pi, 200)
+    points[:4] = [[0, 0], [89, 69], [89.0, -1e7], [np.nan, 5.0]]
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    tangential = rng.uniform(-2, 2, (200, 5))
+    arguments = (photo, points, normals, np.arange(-7, 7.5, 0.7), tangential)
+    ours, plain = edge_profiles(*arguments), edge_profiles_plain(*arguments)
+    assert np.isfinite(ours).all()
+    known = np.isfinite(points).all(axis=1)
+    assert np.abs(ours[known] - plain[known]).max() <= 0.51
+
+
+def test_steps_of_profiles() -> None:
+    rng = np.random.default_rng(7)
+    colors = np.cumsum(rng.normal(0, 20, (40, 31, 3)), axis=1).astype(np.float32)
+    colors[5] = 0
+    ours, plain = (find(colors, slice(7, 24), (2, 5)) for find in (steps_along, steps_along_plain))
+    for mine, expected in zip(ours, plain, strict=True):
+        assert np.abs(mine - expected).max() < 1e-3
+    for sought in (slice(4, 24), slice(7, 27), slice(9, 9)):
+        with pytest.raises(ValueError, match="beyond"):
+            steps_along(colors, sought, (2, 5))
 
 
 @given(

@@ -1,0 +1,109 @@
+/* Steps of colour along lines across a curve. */
+
+#include "kernels.h"
+
+#include <immintrin.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { CHANNELS = 3, TAPS = 5 };
+
+/* Three channels, and a fourth number that means nothing. */
+AVX2 static inline __m128 color_at(const uint8_t *pixel) {
+    int32_t four;
+    memcpy(&four, pixel, sizeof four);
+    return _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(four)));
+}
+
+AVX2 static inline __m128 last_color(const uint8_t *pixel) { return _mm_setr_ps(pixel[0], pixel[1], pixel[2], 0.0f); }
+
+AVX2 static inline __m128 mix(__m128 first, __m128 second, float part) {
+    return _mm_add_ps(first, _mm_mul_ps(_mm_set1_ps(part), _mm_sub_ps(second, first)));
+}
+
+/* Bilinear between pixels; those of the border are repeated, and NaN is taken for 0. */
+AVX2 static inline __m128 sample(const struct image *image, float x, float y) {
+    const float last_x = (float)(image->width - 1), last_y = (float)(image->height - 1);
+    x = x > 0.0f ? x < last_x ? x : last_x : 0.0f;
+    y = y > 0.0f ? y < last_y ? y : last_y : 0.0f;
+    const int32_t column = (int32_t)x, row = (int32_t)y;
+    const float across = x - (float)column, down = y - (float)row;
+    const uint8_t *upper = image->pixels + row * image->stride + (ptrdiff_t)column * CHANNELS;
+    const uint8_t *lower = upper + (row + 1 < image->height ? image->stride : 0);
+    /* Four bytes are loaded for three. */
+    if (column + 2 < image->width)
+        return mix(
+            mix(color_at(upper), color_at(upper + CHANNELS), across),
+            mix(color_at(lower), color_at(lower + CHANNELS), across), down);
+    const ptrdiff_t right = column + 1 < image->width ? CHANNELS : 0;
+    return mix(
+        mix(last_color(upper), last_color(upper + right), across),
+        mix(last_color(lower), last_color(lower + right), across), down);
+}
+
+/* Means `colors` (steps, 3) over `sides` places beside each other, across a curve at `point`: at point + offset * normal +
+   aside * (the normal turned by a quarter). */
+AVX2 static void sample_profile(
+    const struct image *image, const double *point, const double *normal, const double *offsets, ptrdiff_t steps,
+    const double *aside, ptrdiff_t sides, float *colors) {
+    for (ptrdiff_t step = 0; step < steps; step++) {
+        const double x = point[0] + offsets[step] * normal[0], y = point[1] + offsets[step] * normal[1];
+        __m128 sum = _mm_setzero_ps();
+        for (ptrdiff_t side = 0; side < sides; side++)
+            sum = _mm_add_ps(
+                sum, sample(image, (float)(x - aside[side] * normal[1]), (float)(y + aside[side] * normal[0])));
+        float mean[4];
+        _mm_storeu_ps(mean, _mm_div_ps(sum, _mm_set1_ps((float)sides)));
+        memcpy(colors + step * CHANNELS, mean, CHANNELS * sizeof *mean);
+    }
+}
+
+/* The profiles (count, steps, 3) of `points` and `normals` (count, 2), with `tangential` (count, sides) places beside. */
+AVX2 void sample_profiles(
+    const struct image *image, const double *points, const double *normals, ptrdiff_t count, const double *offsets,
+    ptrdiff_t steps, const double *tangential, ptrdiff_t sides, float *colors) {
+    for (ptrdiff_t n = 0; n < count; n++)
+        sample_profile(
+            image, points + 2 * n, normals + 2 * n, offsets, steps, tangential + n * sides, sides,
+            colors + n * steps * CHANNELS);
+}
+
+/* Of the profiles `colors` (count, steps, 3), at the `sought` steps from `begin` on: the `difference` (count, sought, 3) of
+   the means of the steps from `first` to `last` on both sides, and how steeply colours change there `along` it, levels in
+   a step (count, sought). Returns 0 where memory is missing. */
+AVX2 int measure_steps(
+    const float *colors, ptrdiff_t count, ptrdiff_t steps, ptrdiff_t begin, ptrdiff_t sought, ptrdiff_t first,
+    ptrdiff_t last, double *difference, double *along) {
+    static const float weights[TAPS] = {1 / 16.0f, 4 / 16.0f, 6 / 16.0f, 4 / 16.0f, 1 / 16.0f};
+    double *sums = malloc((steps + 1) * CHANNELS * sizeof *sums);
+    float *blurred = malloc((sought + 2) * CHANNELS * sizeof *blurred);
+    const int good = sums && blurred;
+    for (ptrdiff_t n = 0; good && n < count; n++) {
+        const float *profile = colors + n * steps * CHANNELS;
+        for (int c = 0; c < CHANNELS; c++) sums[c] = 0;
+        for (ptrdiff_t i = 0; i < steps * CHANNELS; i++) sums[i + CHANNELS] = sums[i] + profile[i];
+        /* From the step before the first one that is sought on. */
+        for (ptrdiff_t i = 0; i < (sought + 2) * CHANNELS; i++) {
+            const float *here = profile + (begin - 1 - TAPS / 2) * CHANNELS + i;
+            blurred[i] = 0.0f;
+            for (int k = 0; k < TAPS; k++) blurred[i] += weights[k] * here[k * CHANNELS];
+        }
+        for (ptrdiff_t m = 0; m < sought; m++) {
+            const double *at = sums + (begin + m) * CHANNELS;
+            double *way = difference + (n * sought + m) * CHANNELS, square = 0, sum = 0;
+            for (int c = 0; c < CHANNELS; c++) {
+                const double inner = at[(1 - first) * CHANNELS + c] - at[-last * CHANNELS + c];
+                const double outer = at[(last + 1) * CHANNELS + c] - at[first * CHANNELS + c];
+                way[c] = (outer - inner) / (last - first + 1);
+                square += way[c] * way[c];
+                sum += 0.5 * (blurred[(m + 2) * CHANNELS + c] - blurred[m * CHANNELS + c]) * way[c];
+            }
+            const double contrast = sqrt(square);
+            along[n * sought + m] = sum / (contrast > 1e-6 ? contrast : 1e-6);
+        }
+    }
+    free(blurred);
+    free(sums);
+    return good;
+}
