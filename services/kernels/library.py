@@ -48,11 +48,34 @@ class SheetPoints(ctypes.Structure):
     )
 
 
+class Rows(ctypes.Structure):
+    """`struct rows` of `products.c`."""
+
+    _fields_ = (
+        ("count", ctypes.c_ssize_t),
+        ("width", ctypes.c_ssize_t),
+        ("columns", ctypes.c_void_p),
+        ("entries", ctypes.c_void_p),
+    )
+
+
+class Equations(ctypes.Structure):
+    """`struct equations` of `products.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_ssize_t) for name in ("banded", "border", "below")),
+        *((name, ctypes.c_void_p) for name in ("band", "side", "corner", "gradient")),
+    )
+
+
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, Sheet, SheetPoints))
+_ROWS, _EQUATIONS = map(ctypes.POINTER, (Rows, Equations))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
+    "add_products": (_ROWS, _ADDRESS, _ADDRESS, _EQUATIONS),
     "draw_bicubic": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS, _INT, _IMAGE),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
+    "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
     "see_points": (_SHEET, _ADDRESS, _SIZE, ctypes.c_double, _ADDRESS),
@@ -80,6 +103,7 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
+    library.measure_band.restype = _SIZE
     return library if library.usable() else None
 
 

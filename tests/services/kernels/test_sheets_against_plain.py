@@ -1,4 +1,4 @@
-"""The kernels of bent sheets beside their plain versions: also beyond the horizon, and where rulings cross."""
+"""Kernels of bent and creased sheets beside their plain versions: also beyond the horizon, where rulings cross."""
 
 import numpy as np
 import pytest
@@ -15,6 +15,8 @@ from services.sheet.developable.surface import (
     roll_frames_plain,
 )
 from services.sheet.developable.variation import vary_page, vary_page_plain
+from services.sheet.ridged.blocks import SparseRows, stacked
+from services.sheet.ridged.normal_equations import normal_equations, normal_equations_plain
 from tests.services.sheet.developable.sheets import Bent
 
 pytestmark = pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
@@ -111,3 +113,34 @@ def test_frames_that_roll(count: int) -> None:
     ours = roll_frames(turns)
     assert np.allclose(ours, roll_frames_plain(turns), rtol=0, atol=1e-13)
     assert ours.shape == (count + 1, 3, 3)
+
+
+@given(
+    st.integers(1, 12), st.integers(0, 4), st.integers(0, 40), st.integers(1, 9), st.integers(0, 2**32 - 1)
+)
+def test_normal_equations(own: int, border: int, count: int, width: int, seed: int) -> None:
+    """Also where entries are zero, or of one column."""
+    rng = np.random.default_rng(seed)
+    unknowns = own + border
+    rows = [
+        SparseRows(rng.integers(0, unknowns, (m, k)), rng.integers(-2, 3, (m, k)) / 1.0)
+        for m, k in ((count, width), (3, 1))
+    ]
+    residuals, order = rng.normal(0, 1, count + 3), rng.permutation(unknowns)
+    ours = normal_equations(rows, residuals, order, border)
+    plain = normal_equations_plain(stacked(rows, unknowns), residuals, order, border)
+    for field in ("border", "corner", "gradient"):
+        assert np.allclose(getattr(ours, field), getattr(plain, field), rtol=0, atol=1e-12)
+    # Entries that cancel each other widen no band of ours.
+    common = min(len(ours.band), len(plain.band))
+    assert np.allclose(ours.band[:common], plain.band[:common], rtol=0, atol=1e-12)
+    assert not ours.band[common:].any()
+    assert not plain.band[common:].any()
+
+
+def test_rows_of_other_unknowns_are_refused() -> None:
+    for columns, residuals in ((-1, 1), (3, 1), (0, 2)):
+        with pytest.raises(IndexError):
+            normal_equations(
+                [SparseRows(np.array([[columns]]), np.ones((1, 1)))], np.ones(residuals), np.arange(3), 1
+            )
