@@ -68,13 +68,35 @@ class Equations(ctypes.Structure):
     )
 
 
+class Mesh(ctypes.Structure):
+    """`struct mesh` of `mesh.c`."""
+
+    _fields_ = (
+        ("nodes", ctypes.c_void_p),
+        ("rows", ctypes.c_ssize_t),
+        ("columns", ctypes.c_ssize_t),
+        ("focal", ctypes.c_double),
+    )
+
+
+class Search(ctypes.Structure):
+    """`struct search` of `mesh.c`."""
+
+    _fields_ = (
+        ("steps", ctypes.c_int32),
+        *((name, ctypes.c_double) for name in ("longest", "found", "most", "reach", "located")),
+    )
+
+
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, Sheet, SheetPoints))
-_ROWS, _EQUATIONS = map(ctypes.POINTER, (Rows, Equations))
+_ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, Mesh, Search))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "add_products": (_ROWS, _ADDRESS, _ADDRESS, _EQUATIONS),
+    "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "draw_bicubic": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS, _INT, _IMAGE),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
+    "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
