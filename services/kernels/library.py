@@ -60,14 +60,59 @@ class SheetPoints(ctypes.Structure):
     )
 
 
+class Rows(ctypes.Structure):
+    """`struct rows` of `products.c`."""
+
+    _fields_ = (
+        ("count", ctypes.c_ssize_t),
+        ("width", ctypes.c_ssize_t),
+        ("columns", ctypes.c_void_p),
+        ("entries", ctypes.c_void_p),
+    )
+
+
+class Equations(ctypes.Structure):
+    """`struct equations` of `products.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_ssize_t) for name in ("banded", "border", "below")),
+        *((name, ctypes.c_void_p) for name in ("band", "side", "corner", "gradient")),
+    )
+
+
+class Mesh(ctypes.Structure):
+    """`struct mesh` of `mesh.c`."""
+
+    _fields_ = (
+        ("nodes", ctypes.c_void_p),
+        ("rows", ctypes.c_ssize_t),
+        ("columns", ctypes.c_ssize_t),
+        ("focal", ctypes.c_double),
+    )
+
+
+class Search(ctypes.Structure):
+    """`struct search` of `mesh.c`."""
+
+    _fields_ = (
+        ("steps", ctypes.c_int32),
+        *((name, ctypes.c_double) for name in ("longest", "found", "most", "reach", "located")),
+    )
+
+
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, Sheet, SheetPoints))
+_ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, Mesh, Search))
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "draw_by_map": _DRAW,
     "draw_between_nodes": _DRAW,
     "draw_by_homography": _DRAW,
+    "add_products": (_ROWS, _ADDRESS, _ADDRESS, _EQUATIONS),
+    "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
+    "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
+    "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
     "measure_steps": (_ADDRESS, *(_SIZE,) * 6, _ADDRESS, _ADDRESS),
@@ -97,6 +142,7 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
+    library.measure_band.restype = _SIZE
     return library if library.usable() else None
 
 

@@ -3,10 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from services.arrays import Vector
-from services.sheet.ridged.blocks import robust, stacked
+from services.sheet.ridged.blocks import SparseRows, robust
 from services.sheet.ridged.mesh import SheetMesh
 from services.sheet.ridged.normal_equations import normal_equations
 from services.sheet.ridged.observations import SheetObservations
@@ -60,7 +59,7 @@ def _minimize(residuals: SheetResiduals, p: RidgedParameters) -> tuple[Vector, f
     return x, cost, count
 
 
-def _linearize(residuals: SheetResiduals, x: Vector) -> tuple[float, Vector, csr_array]:
+def _linearize(residuals: SheetResiduals, x: Vector) -> tuple[float, Vector, list[SparseRows]]:
     """Cost at `x`, and the reweighted residuals with their Jacobian."""
     cost, values, jacobians = 0.0, [], []
     for block in residuals.blocks(x):
@@ -69,4 +68,4 @@ def _linearize(residuals: SheetResiduals, x: Vector) -> tuple[float, Vector, csr
         cost += part
         values.append(root * block.values)
         jacobians.append(block.jacobian.scaled(root))
-    return cost, np.concatenate(values), stacked(jacobians, len(x))
+    return cost, np.concatenate(values), jacobians

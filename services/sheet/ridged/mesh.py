@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Points, Vector
+from services.kernels.library import Mesh, Search, address, find_kernels
 
 NEWTON_STEPS = 8
 LONGEST_STEP = 2.0
@@ -104,6 +105,11 @@ class SheetMesh:
         aspect = height / (rows - 1) / step
         return SheetMesh(X.reshape(rows, columns, 3), self.focal, step, aspect, self.origin)
 
+    def for_kernels(self) -> tuple[Mesh, Floats]:
+        """The mesh as kernels take it, and the array that holds its nodes."""
+        nodes = np.ascontiguousarray(self.nodes, np.float64)
+        return Mesh(address(nodes), self.rows, self.columns, self.focal), nodes
+
     def deepened(self, factor: float) -> "SheetMesh":
         """The sheet with `factor` times its depth, seen in the same place with as much longer a focal length."""
         return replace(self, nodes=self.nodes * np.array([1.0, 1.0, factor]), focal=self.focal * factor)
@@ -165,6 +171,19 @@ class SheetMesh:
             known = np.flatnonzero(np.isfinite(seen).all(axis=1))
             _, nearest = cKDTree(seen[known]).query(np.nan_to_num(centred))
             start = np.stack(np.divmod(known[nearest], self.columns)[::-1], axis=1).astype(np.float64)
+        kernels = find_kernels()
+        if kernels is None:
+            return self.locate_plain(centred, start)
+        photo = np.ascontiguousarray(centred, np.float64)
+        grid = np.array(np.broadcast_to(start, photo.shape), np.float64, order="C")
+        mesh, _held = self.for_kernels()
+        search = Search(NEWTON_STEPS, LONGEST_STEP, FOUND, MOST, 3 * REACH, LOCATED)
+        if not kernels.locate_points(mesh, search, address(photo), len(photo), address(grid)):
+            raise MemoryError
+        return grid
+
+    def locate_plain(self, centred: Points, start: Points) -> Points:
+        """`locate` without a kernel."""
         limit = np.array([self.columns - 1, self.rows - 1]) + 3 * REACH
         grid, miss = start.copy(), np.full(len(centred), np.inf)
         # Most points are found after two steps; the few that the mesh does not show take all of them.
@@ -219,3 +238,11 @@ def solve_2x2(A: Floats, b: Floats) -> Floats:
     det = np.where(np.abs(det) < 1e-12, 1e-12, det)
     x = (A[:, 1, 1] * b[:, 0] - A[:, 0, 1] * b[:, 1]) / det
     return np.stack([x, (A[:, 0, 0] * b[:, 1] - A[:, 1, 0] * b[:, 0]) / det]).T
+
+
+def invert_2x2(G: Floats) -> Floats:
+    """Inverses (N, 2, 2); of a nearly singular matrix a large one."""
+    det = G[:, 0, 0] * G[:, 1, 1] - G[:, 0, 1] * G[:, 1, 0]
+    det = np.where(np.abs(det) < 1e-9, np.where(det < 0, -1e-9, 1e-9), det)
+    swapped = np.stack([G[:, 1, 1], -G[:, 0, 1], -G[:, 1, 0], G[:, 0, 0]], axis=1).reshape(-1, 2, 2)
+    return np.asarray(swapped / det[:, None, None])

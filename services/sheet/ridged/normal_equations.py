@@ -1,13 +1,16 @@
 """Normal equations of a mesh: banded, with a border of the few unknowns that every observation may depend on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpbtrf, dtbtrs
 from scipy.sparse import csr_array
 
 from services.arrays import Floats, Vector
+from services.kernels.library import Equations, Rows, address, find_kernels
+from services.sheet.ridged.blocks import SparseRows, stacked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,27 +34,69 @@ class NormalEquations:
         return np.concatenate([self.band[0], np.diag(self.corner)])
 
     def solve(self, damping: Vector) -> Vector | None:
-        """Step (n + k,), in the unknowns' own order, of (J^T J + diag(damping)) x = -J^T r; None if it is singular."""
+        """Step (n + k,), in the unknowns' own order, of (J^T J + diag(damping)) x = -J^T r; None if it is singular.
+
+        With the band's factor L and the border B, the border's own equations are C - Y^T Y, Y = L^-1 B: the border
+        needs no way back through L.
+        """
         n = self.band.shape[1]
-        band = self.band.copy()
+        band = self.band.copy(order="F")
         band[0] += damping[:n]
-        right = np.column_stack([self.border, -self.gradient[:n]])
-        try:
-            solved = cho_solve_banded((cholesky_banded(band, lower=True, check_finite=False), True), right)
-            through, own = solved[:, :-1], solved[:, -1]
-            corner = self.corner + np.diag(damping[n:]) - self.border.T @ through
-            last = np.linalg.solve(corner, -self.gradient[n:] - self.border.T @ own)
-        except (LinAlgError, np.linalg.LinAlgError):
+        factor, singular = dpbtrf(band, lower=1, overwrite_ab=1)
+        if singular:
             return None
+        right = np.asfortranarray(np.column_stack([self.border, -self.gradient[:n]]))
+        below, _ = dtbtrs(factor, right, uplo="L", overwrite_b=1)
+        through, own = below[:, :-1], below[:, -1]
+        corner = self.corner + np.diag(damping[n:]) - through.T @ through
+        try:
+            last = np.linalg.solve(corner, -self.gradient[n:] - through.T @ own)
+        except np.linalg.LinAlgError:
+            return None
+        first, _ = dtbtrs(factor, own - through @ last, uplo="L", trans="T")
         step = np.empty(len(self.order))
-        step[self.order] = np.concatenate([own - through @ last, last])
+        step[self.order] = np.concatenate([first.ravel(), last])
         return step if np.isfinite(step).all() else None
 
 
 def normal_equations(
+    rows: Sequence[SparseRows], residuals: Vector, order: NDArray[np.intp], border: int
+) -> NormalEquations:
+    """Normal equations of weighted `residuals` (M,) with Jacobian `rows` (M, n + k), stacked.
+
+    The last `border` of `order` are k.
+    """
+    kernels = find_kernels()
+    if kernels is None:
+        return normal_equations_plain(stacked(rows, len(order)), residuals, order, border)
+    residuals = np.ascontiguousarray(residuals, np.float64)
+    place = np.empty(len(order), np.intp)
+    place[order] = np.arange(len(order))
+    n = len(order) - border
+    packed = [
+        (np.ascontiguousarray(part.columns, np.intp), np.ascontiguousarray(part.entries, np.float64))
+        for part in rows
+    ]
+    parts = [Rows(*columns.shape, address(columns), address(entries)) for columns, entries in packed]
+    reach = [kernels.measure_band(part, address(place), len(order), n) for part in parts]
+    if min(reach, default=0) < 0 or sum(part.count for part in parts) != len(residuals):
+        raise IndexError("rows have columns that there are, and a residual each")
+    below = max(reach, default=0)
+    band, side, corner = np.zeros((n, below + 1)), np.zeros((n, border)), np.zeros((border, border))
+    gradient, begin = np.zeros(len(order)), 0
+    sums = Equations(n, border, below, *map(address, (band, side, corner, gradient)))
+    for part in parts:
+        own = residuals[begin : begin + part.count]
+        if not kernels.add_products(part, address(own), address(place), sums):
+            raise MemoryError
+        begin += part.count
+    return NormalEquations(band.T, side, corner, gradient, order)
+
+
+def normal_equations_plain(
     jacobian: csr_array, residuals: Vector, order: NDArray[np.intp], border: int
 ) -> NormalEquations:
-    """Normal equations of weighted `residuals` (M,) with `jacobian` (M, n + k); the last `border` of `order` are k."""
+    """`normal_equations` without a kernel."""
     place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order), dtype=np.int32)
     n = len(order) - border

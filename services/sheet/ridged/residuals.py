@@ -5,9 +5,6 @@ one row, lines of a paragraph are equally spaced, flush ends share one column, s
 the slant of the type), and the sheet's own sides are the mesh's border. Paper does not stretch (edges and diagonals
 of cells keep their lengths) and is flat except at few ridges (second differences under Cauchy's loss: the cost of a
 ridge is about the logarithm of its angle).
-
-With a point x seen at grid coordinates g, f X(g) / Z(g) = x: if the nodes move by dX_k, then g moves by
-dg = -G^-1 sum_k w_k P dX_k, with P = (f I | -x) / Z and G = P (X_c X_r); if f changes, by -G^-1 x d(log f).
 """
 
 from dataclasses import replace
@@ -16,10 +13,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, Points, Vector
+from services.arrays import Points, Vector
 from services.sheet.developable.observations import SLANT_MEAN_RAD, STROKE_OVERLAP, LineObservations
 from services.sheet.ridged.blocks import ResidualBlock, SparseRows, single_entries
-from services.sheet.ridged.mesh import SheetMesh
+from services.sheet.ridged.mesh import SheetMesh, invert_2x2
 from services.sheet.ridged.observations import SheetObservations, SideObservations
 from services.sheet.ridged.paper import PaperResiduals
 from services.sheet.ridged.parameters import (
@@ -32,6 +29,7 @@ from services.sheet.ridged.parameters import (
     RidgedParameters,
     Stage,
 )
+from services.sheet.ridged.point_jacobians import point_jacobians
 from services.sheet.ridged.views import CAMERA_UNKNOWNS, OtherView, view_residuals
 
 FLOW_PROBE = 0.01
@@ -75,7 +73,7 @@ class SheetResiduals:
         known = np.asarray(np.isfinite(self.grid).all(axis=1))
         self.grid[~known] = 0.0
         placed = start.place(self.grid)
-        inverse = np.linalg.norm(_inverse(start.derivatives(placed)), axis=2)
+        inverse = np.linalg.norm(invert_2x2(start.derivatives(placed)), axis=2)
         across_rows, across_columns = inverse[:, 1], inverse[:, 0]
         self.levels = lines.count
         first = self.slices[0]
@@ -175,7 +173,7 @@ class SheetResiduals:
         known = np.asarray(np.isfinite(grid).all(axis=1))
         grid[~known] = self.grid[~known]
         self.grid = grid.copy()
-        to_columns, to_rows = self._point_jacobians(mesh, grid, known)
+        to_columns, to_rows = point_jacobians(mesh, self.points, grid, known, self.globals_at)
         return [
             self._lines(x, grid[:, 1], known, to_rows),
             self._spacing(x),
@@ -188,33 +186,6 @@ class SheetResiduals:
             *self._paper.bends(x),
             self._priors(x),
         ]
-
-    def _point_jacobians(
-        self, mesh: SheetMesh, grid: Points, known: NDArray[np.bool_]
-    ) -> tuple[SparseRows, SparseRows]:
-        """Derivatives (N, unknowns) of the columns and rows at which the photo points are found."""
-        placed = mesh.place(grid)
-        seen = self.points
-        inverse = _inverse(mesh.derivatives(placed))
-        inverse[~known] = 0.0
-        P = np.zeros((len(seen), 2, 3))
-        P[:, 0, 0] = P[:, 1, 1] = mesh.focal
-        P[:, :, 2] = -seen
-        P /= placed.X[:, 2, None, None]
-        by_point = -inverse @ P
-        by_focal = -np.einsum("nij,nj->ni", inverse, seen)
-        columns = np.concatenate(
-            [
-                (3 * placed.nodes[:, :, None] + np.arange(3)).reshape(len(seen), 12),
-                np.full((len(seen), 1), self.globals_at),
-            ],
-            axis=1,
-        )
-        found = []
-        for axis in (0, 1):
-            entries = (placed.weights[:, :, None] * by_point[:, None, axis]).reshape(len(seen), 12)
-            found.append(SparseRows(columns, np.concatenate([entries, by_focal[:, axis : axis + 1]], axis=1)))
-        return found[0], found[1]
 
     def _lines(self, x: Vector, rows: Vector, known: NDArray[np.bool_], to_rows: SparseRows) -> ResidualBlock:
         part, index = self.slices[0], self.observed.lines.index
@@ -373,11 +344,3 @@ def _ways(angles: Vector) -> Points:
 def _slices(sizes: list[int]) -> list[slice]:
     ends = np.cumsum([0, *sizes])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
-
-
-def _inverse(G: Floats) -> Floats:
-    """Inverses (N, 2, 2); of a nearly singular matrix a large one."""
-    det = G[:, 0, 0] * G[:, 1, 1] - G[:, 0, 1] * G[:, 1, 0]
-    det = np.where(np.abs(det) < 1e-9, np.where(det < 0, -1e-9, 1e-9), det)
-    swapped = np.stack([G[:, 1, 1], -G[:, 0, 1], -G[:, 1, 0], G[:, 0, 0]], axis=1).reshape(-1, 2, 2)
-    return np.asarray(swapped / det[:, None, None])

@@ -1,4 +1,4 @@
-"""The kernels of bent sheets beside their plain versions: also beyond the horizon, and where rulings cross."""
+"""Kernels of bent and creased sheets beside their plain versions: also beyond the horizon, where rulings cross."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,12 @@ from services.sheet.developable.surface import (
     roll_frames_plain,
 )
 from services.sheet.developable.variation import vary_page, vary_page_plain
+from services.sheet.ridged.blocks import SparseRows, stacked
+from services.sheet.ridged.mesh import SheetMesh
+from services.sheet.ridged.normal_equations import normal_equations, normal_equations_plain
+from services.sheet.ridged.point_jacobians import point_jacobians, point_jacobians_plain
 from tests.services.sheet.developable.sheets import Bent
+from tests.services.sheet.ridged.sheets import CURVED, FOLDED
 
 pytestmark = pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
 FIELDS = ("sheet", "page", "jacobians", "X", "A", "R")
@@ -84,6 +89,7 @@ def test_how_the_page_moves(surface: DevelopableSurface, count: int, still: int,
     assert ours.shape == plain.shape
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_points_that_are_no_numbers_stay_so() -> None:
     surface, photo = Bent().surface(), points(70, 0.4)
     photo[[3, 66], 0] = np.nan
@@ -111,3 +117,68 @@ def test_frames_that_roll(count: int) -> None:
     ours = roll_frames(turns)
     assert np.allclose(ours, roll_frames_plain(turns), rtol=0, atol=1e-13)
     assert ours.shape == (count + 1, 3, 3)
+
+
+@given(
+    st.integers(1, 12), st.integers(0, 4), st.integers(0, 40), st.integers(1, 9), st.integers(0, 2**32 - 1)
+)
+def test_normal_equations(own: int, border: int, count: int, width: int, seed: int) -> None:
+    """Also where entries are zero, or of one column."""
+    rng = np.random.default_rng(seed)
+    unknowns = own + border
+    rows = [
+        SparseRows(rng.integers(0, unknowns, (m, k)), rng.integers(-2, 3, (m, k)) / 1.0)
+        for m, k in ((count, width), (3, 1))
+    ]
+    residuals, order = rng.normal(0, 1, count + 3), rng.permutation(unknowns)
+    ours = normal_equations(rows, residuals, order, border)
+    plain = normal_equations_plain(stacked(rows, unknowns), residuals, order, border)
+    for field in ("border", "corner", "gradient"):
+        assert np.allclose(getattr(ours, field), getattr(plain, field), rtol=0, atol=1e-12)
+    # Entries that cancel each other widen no band of ours.
+    common = min(len(ours.band), len(plain.band))
+    assert np.allclose(ours.band[:common], plain.band[:common], rtol=0, atol=1e-12)
+    assert not ours.band[common:].any()
+    assert not plain.band[common:].any()
+
+
+def test_rows_of_other_unknowns_are_refused() -> None:
+    for columns, residuals in ((-1, 1), (3, 1), (0, 2)):
+        with pytest.raises(IndexError):
+            normal_equations(
+                [SparseRows(np.array([[columns]]), np.ones((1, 1)))], np.ones(residuals), np.arange(3), 1
+            )
+
+
+def crumpled_mesh(seed: int) -> SheetMesh:
+    """A sheet of some cells with nodes anywhere near their places, one of them behind the camera."""
+    rng = np.random.default_rng(seed)
+    mesh = (CURVED, FOLDED)[seed % 2].mesh(int(rng.integers(5, 14)))
+    nodes = mesh.nodes + rng.normal(0, 0.3 * mesh.step * rng.integers(0, 2), mesh.nodes.shape)
+    nodes[-1, -1, 2] = -0.1
+    return SheetMesh(nodes, mesh.focal, mesh.step, mesh.aspect, mesh.origin)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@given(st.sampled_from([0, 1, 63, 65, 200]), st.integers(0, 2**32 - 1))
+@settings(max_examples=60)
+def test_photo_points_on_a_mesh(count: int, seed: int) -> None:
+    """Also those that it does not show, and those that are no numbers."""
+    mesh, rng = crumpled_mesh(seed), np.random.default_rng(seed)
+    start = rng.uniform(-1, 1, (count, 2)) + rng.uniform(0, 1, (count, 2)) * [mesh.columns - 1, mesh.rows - 1]
+    photo = mesh.project(mesh.place(start + rng.normal(0, 1, (count, 2))).X)
+    photo[::7] += 5.0
+    ours, plain = mesh.locate(photo, start), mesh.locate_plain(photo, start)
+    assert np.array_equal(np.isnan(ours), np.isnan(plain))
+    assert np.allclose(ours, plain, rtol=0, atol=1e-6, equal_nan=True)
+
+
+@given(st.sampled_from([0, 1, 65]), st.integers(0, 2**32 - 1))
+def test_how_points_on_a_mesh_move(count: int, seed: int) -> None:
+    mesh, rng = crumpled_mesh(seed), np.random.default_rng(seed)
+    grid = rng.uniform(-1, 1, (count, 2)) + rng.uniform(0, 1, (count, 2)) * [mesh.columns - 1, mesh.rows - 1]
+    photo, known = rng.uniform(-1, 1, (count, 2)), rng.random(count) < 0.8
+    of_mesh = mesh, photo, grid, known, 3 * mesh.rows * mesh.columns + 2
+    for ours, plain in zip(point_jacobians(*of_mesh), point_jacobians_plain(*of_mesh), strict=True):
+        assert np.array_equal(ours.columns, plain.columns)
+        assert np.allclose(ours.entries, plain.entries, rtol=1e-9, atol=1e-9)
