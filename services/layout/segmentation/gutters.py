@@ -125,12 +125,15 @@ def _typical_spaces(
     em: NDArray[np.float64],
     divided: Indices,
 ) -> NDArray[np.float64]:
-    """Median space of the rows `divided` and those around each, px, 0 of others; of `spaces` (S, 2), row and width."""
+    """Median space of the rows `divided` and those around each, px, 0 of others; of `spaces` (S, 2), row and width.
+
+    No wider than what ends a line alone: the spaces of tight print are not counted, and then the gutters are most.
+    """
     typical = np.zeros(len(middle))
     level = middle[spaces[:, 0].astype(np.intp)]
     for row in divided.tolist():
         near = spaces[np.abs(level - middle[row]) < ROW_REACH * em[row], 1]
-        typical[row] = median(near) if len(near) else 0.0
+        typical[row] = min(median(near), _WORD_GAP * em[row]) if len(near) else 0.0
     return typical
 
 
