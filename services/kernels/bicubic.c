@@ -27,13 +27,17 @@ struct map {
     const double *H;
 };
 
+static inline int between(int value, int least, int most) {
+    return value < least ? least : value > most ? most : value;
+}
+
 /* Where pixels of a line are seen: the first of four columns and rows, and the place within a pixel. */
 struct places {
     int32_t column[LINE_PX], row[LINE_PX], across[LINE_PX], down[LINE_PX];
 };
 
 /* `x` and `y` in steps. */
-static inline void set_places(struct places *places, const int32_t *x, const int32_t *y, int count) {
+AVX2 static inline void set_places(struct places *places, const int32_t *x, const int32_t *y, int count) {
     for (int i = 0; i < count; i++) {
         places->column[i] = (x[i] >> BITS) - 1;
         places->row[i] = (y[i] >> BITS) - 1;
@@ -56,7 +60,7 @@ AVX2 static void places_at(struct places *places, const float *x, const float *y
     set_places(places, whole[0], whole[1], count);
 }
 
-static void places_by_map(struct places *places, const struct map *map, int left, int row, int count) {
+AVX2 static void places_by_map(struct places *places, const struct map *map, int left, int row, int count) {
     const ptrdiff_t first = row * map->stride + left * map->step;
     float x[LINE_PX] = {0}, y[LINE_PX] = {0};
     for (int i = 0; i < count; i++) {
@@ -68,7 +72,7 @@ static void places_by_map(struct places *places, const struct map *map, int left
 
 /* Nodes are NODE_PX pixels apart, the first one half of that before the first pixel's edge, along both axes: the map is
    bilinear between them. `left` is a multiple of NODE_PX. */
-static void places_between(struct places *places, const struct map *map, int left, int row, int count) {
+AVX2 static void places_between(struct places *places, const struct map *map, int left, int row, int count) {
     const float down = (row % NODE_PX + 0.5f) / NODE_PX + 0.5f;
     /* Nodes above and below: those of the row itself, or of the half cell before it. */
     const int upper = row / NODE_PX + (down >= 1.0f), first = left / NODE_PX;
@@ -81,10 +85,12 @@ static void places_between(struct places *places, const struct map *map, int lef
             const float *above = nodes + upper * map->stride + (first + k) * map->step, *below = above + map->stride;
             here[k] = *above + part * (*below - *above);
         }
-        for (int i = 0; i < count; i++) {
-            const float at = (i + 0.5f) / NODE_PX + 0.5f;
-            const int k = (int)at;
-            (axis ? y : x)[i] = here[k] + (at - k) * (here[k + 1] - here[k]);
+        float *places_of = axis ? y : x;
+        for (int k = 0; k * NODE_PX < count + NODE_PX / 2; k++) {
+            const float value = here[k], rise = here[k + 1] - here[k];
+            const int begin = between(k * NODE_PX - NODE_PX / 2, 0, count);
+            const int end = between(k * NODE_PX + NODE_PX / 2, 0, count);
+            for (int i = begin; i < end; i++) places_of[i] = value + ((i + 0.5f) / NODE_PX + 0.5f - k) * rise;
         }
     }
     places_at(places, x, y, count);
@@ -110,10 +116,6 @@ AVX2 static void places_by_homography(struct places *places, const struct map *m
         }
     }
     set_places(places, whole[0], whole[1], count);
-}
-
-static inline int between(int value, int least, int most) {
-    return value < least ? least : value > most ? most : value;
 }
 
 /* Any pixel. Beyond the image neighbours have the value `beyond`; those of its border, where that is negative. */
