@@ -171,6 +171,7 @@ def test_the_app_has_rooms() -> None:
     assert len(list((ROOT / "app").glob("*.py"))) <= 12
 
 
+@pytest.mark.pipeline
 def test_the_server_loads_no_arrays() -> None:
     """Neither directly nor through what it imports: that is for the workers."""
     loaded = subprocess.run(

@@ -3,6 +3,8 @@
 It reads requests from its standard input and writes replies to its standard output. Each message is two lengths (8
 bytes each, big-endian), a header in JSON, and bytes. Replies are plain data: a file that takes over this process must
 not reach the worker. `pdf_drawing` is the other side.
+
+It does without NumPy, whose import was half of the start of this process, and each PDF has one.
 """
 
 import io
@@ -12,12 +14,12 @@ import os
 import resource
 import struct
 import sys
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from itertools import islice
 from typing import IO, Any
 
-import numpy as np
 import pikepdf
 import pypdfium2
 import pypdfium2.raw as pdfium
@@ -173,10 +175,10 @@ class _Document:
             if characters < (_FEW_CHARACTERS if covered < _COVERED else _CHARACTERS):
                 return {"turn": None}, []
             looked_at = range(min(text.count_chars(), MOST_LOOKED_AT))
-            angles = np.array([pdfium.FPDFText_GetCharAngle(text.raw, k) for k in looked_at])
-            quarters = np.bincount(np.round(angles / (np.pi / 2)).astype(int) % 4, minlength=4)
+            angles = (pdfium.FPDFText_GetCharAngle(text.raw, k) for k in looked_at)
+            count = Counter(round(angle / (math.pi / 2)) % 4 for angle in angles)
             # Angles of characters are clockwise, as the rotation of the page is.
-            turn = int(-90 * quarters.argmax() - page.get_rotation()) % 360
+            turn = (-90 * max(range(4), key=count.__getitem__) - page.get_rotation()) % 360
             return {"turn": turn, "pictures": covered > 0 or has_other_print(page)}, words_of(page, text)
         except pypdfium2.PdfiumError:
             return {"turn": None}, []

@@ -1,12 +1,12 @@
 """The words of a page of a PDF, as its fonts name their characters; runs in the process that draws the PDF."""
 
 import ctypes
+import math
 import unicodedata
 from collections.abc import Sequence
 from itertools import islice, product
 from typing import NamedTuple
 
-import numpy as np
 import pypdfium2
 import pypdfium2.raw as pdfium
 
@@ -130,7 +130,7 @@ class _Reader:
             return None
         if address not in self._is_shown:
             self._is_shown[address] = pdfium.FPDFTextObj_GetTextRenderMode(shown_by) not in NOT_SHOWN
-        quarters = pdfium.FPDFText_GetCharAngle(self._text, k) / (np.pi / 2)
+        quarters = pdfium.FPDFText_GetCharAngle(self._text, k) / (math.pi / 2)
         if not self._is_shown[address] or abs(quarters - round(quarters)) > _ASLANT:
             return None
         box, em = self._box(k, axis=round(quarters) % 2)
@@ -168,7 +168,7 @@ class _Reader:
     def _is_double(self, character: str, box: Box, em: float, address: int) -> bool:
         """Whether another object shows the character there too."""
         near = _SAME_PLACE * em
-        x, y, size = box[0], box[1], float(np.exp2(np.ceil(np.log2(near))))
+        x, y, size = box[0], box[1], 2.0 ** math.ceil(math.log2(near))
         column, row = int(x // size), int(y // size)
         for across, down in product((-1, 0, 1), repeat=2):
             for other_x, other_y, other in self._seen.get((character, size, column + across, row + down), ()):

@@ -1,6 +1,8 @@
 """PDFs that cost time or memory are refused, and only the process that draws them pays."""
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 
@@ -82,6 +84,12 @@ def test_pages_of_a_file_share_one_process_and_one_limit() -> None:
         assert len(set(psutil.Process().children()) - there) == 2
         assert [page.decode().pixels.shape for page in pages] == [(2339, 1653, 3)] * 2
     assert set(psutil.Process().children()) <= there
+
+
+def test_a_process_starts_without_numpy() -> None:
+    """Its import was half of the start, and each PDF has a process of its own."""
+    look = "import sys, services.imaging.pdf_process; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", look], check=False).returncode == 0
 
 
 def test_a_process_that_was_killed_is_a_refusal() -> None:

@@ -11,6 +11,8 @@ from services.contract.rectify import TypesetPage
 from services.imaging.page_images import PagePicture, open_pages
 from tests.services.imaging.test_page_images import LIMITS, set_in_type
 
+pytestmark = pytest.mark.pipeline
+
 WIDTH, HEIGHT = 400.0, 300.0
 
 

@@ -26,6 +26,8 @@ from simulation.invoice_firms import Firm
 from simulation.invoice_pages import ITEMS, InvoicePage, invoice
 from tests.services.layout.tables.invoices import AHRENS, ALDER
 
+pytestmark = pytest.mark.pipeline
+
 TYPES = {"date": FieldSetting("date", order="DMY"), "total": FieldSetting("amount")}
 FEATURES = content_features()
 

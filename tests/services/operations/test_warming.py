@@ -14,6 +14,8 @@ from services.operations.warming import warm_up
 from services.rectify.results import RectifyResult
 from tests.services.operations.pipelines import RectifyPipeline
 
+pytestmark = pytest.mark.pipeline
+
 
 def test_an_engine_is_opened_once_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = ocr_engine(), ocr_engine()

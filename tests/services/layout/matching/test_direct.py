@@ -171,6 +171,7 @@ def test_five_hundred_zones() -> None:
     assert found.lower_bound <= found.cost <= tables.cost(truth)
 
 
+@pytest.mark.pipeline
 def test_tables_too_large_to_copy_have_the_plain_bound() -> None:
     tables, truth = simulated_tables(230, 15, EASY, np.random.default_rng(1))
     assert tables.edge.size > 6_000_000

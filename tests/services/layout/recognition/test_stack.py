@@ -20,6 +20,8 @@ from services.layout.recognition.stack import Likelihoods, StackParts, most_prob
 from simulation.labelled_pages import DocumentKind, document_pages
 from tests.services.layout.samples import page_from
 
+pytestmark = pytest.mark.pipeline
+
 KINDS: tuple[DocumentKind, ...] = get_args(DocumentKind)
 SAMPLES = 5
 BEGINNING = 0.35

@@ -12,6 +12,8 @@ from services.ocr.word_trust import probability_right
 from simulation.hard_pages import Difficulty, hard_page
 from simulation.labelled_zones import LabelledPage
 
+pytestmark = pytest.mark.pipeline
+
 SEEDS = (0, 1, 2)
 
 

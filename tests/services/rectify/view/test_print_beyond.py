@@ -2,10 +2,13 @@
 
 import cv2
 import numpy as np
+import pytest
 
 from services.arrays import RgbImage
 from services.contract.rectify import RectifyParameters
 from services.rectify.pipeline import rectify
+
+pytestmark = pytest.mark.pipeline
 
 BAND = (1000, 1200)
 """First and last row of the band."""

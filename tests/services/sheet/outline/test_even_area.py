@@ -11,6 +11,8 @@ from services.rectify.pipeline import rectify
 from services.sheet.outline.even_area import find_even_area
 from tests.services.sheet.outline.drawn import distances, sides_of
 
+pytestmark = pytest.mark.pipeline
+
 CORNERS = np.array([[232.0, 332.0], [536.0, 338.0], [528.0, 541.0], [220.0, 512.0]])
 WHITE, GREEN, BLACK = (214, 216, 224), (38, 74, 58), (20, 20, 22)
 FINE = 4

@@ -66,6 +66,7 @@ def test_formats_are_not_asked_where_the_photo_shows_the_aspect(known: str) -> N
     assert sides.plane.aspect == pytest.approx(0.69, rel=5e-3)
 
 
+@pytest.mark.pipeline
 def test_95_percent_of_the_aspects_are_within_two_of_the_deviations_that_are_stated() -> None:
     rng = np.random.default_rng(3)
     held, formats, decided = [], [], 0
