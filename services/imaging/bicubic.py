@@ -28,6 +28,8 @@ def draw_by_map(
     """
     if x.strides != y.strides or x.shape != view.shape[:2] or y.shape != x.shape:
         raise ValueError("both maps have the view's size and lie in memory alike")
+    if x.dtype != np.float32 or y.dtype != np.float32:
+        raise ValueError("maps have single precision")
     row, step = x.strides[0] // x.itemsize, x.strides[1] // x.itemsize
     if not _draw("draw_by_map", image, view, beyond, Map(address(x), address(y), row, step)):
         draw_by_map_plain(image, view, x, y, beyond)
@@ -81,8 +83,10 @@ def draw_by_homography_plain(
 
 def _draw(kernel: str, image: RgbImage, view: RgbImage, beyond: int | None, where: Map) -> bool:
     """Whether there is a kernel that has drawn `view`."""
+    if not image.size or image.shape[2:] != (3,) or view.shape[2:] != (3,) or not view.flags.writeable:
+        raise ValueError("views are drawn from pixels of three bytes, into what may be written")
     kernels = find_kernels()
-    if kernels is None or image.shape[2:] != (3,) or not is_packed(image) or not is_packed(view):
+    if kernels is None or not is_packed(image) or not is_packed(view):
         return False
     source, target = ctypes.byref(image_of(image)), ctypes.byref(image_of(view))
     outside = -1 if beyond is None else beyond

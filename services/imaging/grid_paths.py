@@ -84,6 +84,8 @@ def trace_back(
     best, costs = np.ascontiguousarray(best, np.float64), _costs(max_shift, shift_cost)
     grids, ends = np.ascontiguousarray(grids, np.intp), np.ascontiguousarray(ends, np.intp)
     rows, columns = best.shape[1:]
+    if not rows or len(ends) != len(grids):
+        raise IndexError("paths end in the last row of a grid")
     if len(ends) and not (
         0 <= grids.min() <= grids.max() < len(best) and 0 <= ends.min() <= ends.max() < columns
     ):

@@ -96,6 +96,8 @@ def reduce_exactly(
 
 def average_areas(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
     """`image` (H, W) or (H, W, C), not smaller, at another size: each pixel is the mean of what it covers."""
+    if min(width, height, *image.shape) < 1:
+        raise ValueError("images have pixels")
     kernels = find_kernels()
     if kernels is None or not is_packed(image):
         return average_areas_plain(image, width, height)

@@ -56,13 +56,14 @@ AVX2 static void average(
             }
             int32_t whole[8];
             _mm256_storeu_si256((__m256i *)whole, _mm256_cvttps_epi32(mean));
-            for (int k = 0; k < 8; k++) drawn[(i + k) * channels + c] = (uint8_t)whole[k];
+            for (int k = 0; k < 8; k++) drawn[(i + k) * channels + c] = (uint8_t)(whole[k] < 255 ? whole[k] : 255);
         }
         for (; i < to; i++) {
             float mean = 0.5f;
             for (int k = 0; k < across->taps; k++)
                 mean += across->share[(ptrdiff_t)k * to + i] * sums[(across->first[i] + k) * channels + c];
-            drawn[i * channels + c] = (uint8_t)mean;
+            /* Shares of very many pixels add up to a little more than 1. */
+            drawn[i * channels + c] = (uint8_t)(mean < 255.0f ? mean : 255.0f);
         }
     }
 }

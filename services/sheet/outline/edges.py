@@ -95,6 +95,8 @@ def edge_profiles(
     image: RgbImage, points: Points, normals: Points, offsets: Vector, tangential: Floats
 ) -> Floats:
     """Colours (N, M, 3) at `offsets` (M,) along the normals, averaged over the `tangential` offsets (N, T)."""
+    if normals.shape != points.shape or len(tangential) != len(points) or not image.size:
+        raise ValueError("points in pixels have normals and places beside them")
     kernels = find_kernels()
     if kernels is None or not is_packed(image):
         return edge_profiles_plain(image, points, normals, offsets, tangential)
@@ -132,7 +134,8 @@ def steps_along(colors: Floats, sought: slice, ground: tuple[int, int]) -> tuple
     on both sides of what is sought.
     """
     first, last = ground
-    if not max(last, 3) <= sought.start < sought.stop <= colors.shape[1] - max(last, 3):
+    margin = max(last, 3)
+    if not (0 <= first <= last and margin <= sought.start < sought.stop <= colors.shape[1] - margin):
         raise ValueError("profiles reach beyond what is sought in them")
     kernels = find_kernels()
     if kernels is None:

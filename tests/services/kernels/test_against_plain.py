@@ -204,8 +204,38 @@ def test_paths(grids: int, rows: int, columns: int, most: int, seed: int) -> Non
     assert np.array_equal(paths[:3], trace_back_plain(best, whose[:3], ends[:3], most, 0.25))
 
 
+def test_what_kernels_cannot_take_is_refused(photo: RgbImage) -> None:
+    """They check nothing themselves."""
+    view, empty = np.zeros((4, 4, 3), np.uint8), np.zeros((0, 5, 3), np.uint8)
+    single, double = (np.zeros((4, 4), kind) for kind in (np.float32, np.float64))
+    shown = np.broadcast_to(view[:1], view.shape)
+    ones, steps = np.ones((2, 2)), np.ones(3)
+    profiles = np.zeros((2, 30, 3), np.float32)
+    calls: list[Callable[[], object]] = [
+        lambda: draw_by_homography(empty, view, np.eye(3), None),
+        lambda: draw_by_homography(photo, shown, np.eye(3), None),
+        lambda: draw_by_map(empty, view, single, single, None),
+        lambda: draw_by_map(photo, view, double, double, None),
+        lambda: average_areas(photo, 0, 3),
+        lambda: average_areas(empty, 1, 1),
+        lambda: edge_profiles(empty, ones, ones, steps, ones),
+        lambda: edge_profiles(photo, ones, ones[:1], steps, ones),
+        lambda: edge_profiles(photo, ones, ones, steps, ones[:1]),
+        lambda: steps_along(profiles, slice(6, 20), (7, 5)),
+    ]
+    for call in calls:
+        with pytest.raises(ValueError, match=r"pixels|precision|point|beyond|written"):
+            call()
+
+
+def test_very_many_white_pixels_are_white() -> None:
+    assert (average_areas(np.full((1, 4_000_000), 255, np.uint8), 3, 1) == 255).all()
+
+
 def test_ends_outside_of_the_grids_are_refused() -> None:
     best = np.zeros((1, 3, 4))
     for grids, ends in (([1], [0]), ([0], [4]), ([0], [-1])):
         with pytest.raises(IndexError):
             trace_back(best, np.array(grids), np.array(ends), 1, 0.1)
+    with pytest.raises(IndexError):
+        trace_back(best[:, :0], np.array([0]), np.array([0]), 1, 0.1)
