@@ -77,6 +77,8 @@ def normal_equations(
         (np.ascontiguousarray(part.columns, np.intp), np.ascontiguousarray(part.entries, np.float64))
         for part in rows
     ]
+    if any(columns.shape != entries.shape for columns, entries in packed):
+        raise IndexError("each entry of a row has its column")
     parts = [Rows(*columns.shape, address(columns), address(entries)) for columns, entries in packed]
     reach = [kernels.measure_band(part, address(place), len(order), n) for part in parts]
     if min(reach, default=0) < 0 or sum(part.count for part in parts) != len(residuals):
