@@ -307,5 +307,5 @@ licences: venv-dev
 	@$(BIN)/python -m deploy.licences
 
 clean:
-	rm -rf $(VENV) $(BENCH_VENV) services/kernels/compiled-*.so .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(BENCH_VENV) services/kernels/compiled-*.library .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find $(wildcard app benchmarks models services simulation tests clients) -name __pycache__ -type d -prune -exec rm -rf {} +

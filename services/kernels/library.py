@@ -10,7 +10,8 @@ if TYPE_CHECKING:  # the set-up compiles before there is an environment
     from numpy.typing import NDArray
 
 FOLDER = Path(__file__).parent
-PATTERN = "compiled-*.so"
+PATTERN = "compiled-*.library"
+"""Not `.so`: Python would take it for a module."""
 
 
 class Image(ctypes.Structure):
