@@ -242,7 +242,7 @@ python: system-packages
 # What the service has in C, compiled; it needs no environment.
 kernels: python
 	@[ '$(KERNELS)' = without ] && exit 0; \
-	command -v cc >/dev/null || { $(call install_packages, gcc libc6-dev,Kernels are not compiled without them.) ; }; \
+	{ command -v cc || command -v gcc || command -v clang; } >/dev/null || { $(call install_packages, gcc libc6-dev,Kernels are not compiled without them.) ; }; \
 	'$(or $(PYTHON),python3)' -m services.kernels.build
 
 venv: system-packages kernels $(RUNTIME)

@@ -27,21 +27,29 @@ def build_kernels() -> str:
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         return "there is no C compiler"
-    with tempfile.TemporaryDirectory(dir=FOLDER) as folder:
-        made = Path(folder) / target.name
-        command = [compiler, *FLAGS, *map(str, sorted(FOLDER.glob("*.c"))), "-o", str(made), "-lm"]
-        try:
-            done = subprocess.run(
-                command, capture_output=True, text=True, errors="replace", timeout=MOST_S, check=False
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            return f"the compiler did not run: {error}"
-        if done.returncode:
-            return f"the compiler said: {done.stderr.strip().splitlines()[0] if done.stderr else 'nothing'}"
-        for old in FOLDER.glob(PATTERN):
-            old.unlink(missing_ok=True)
-        made.replace(target)
-    return ""
+    try:
+        with tempfile.TemporaryDirectory(dir=FOLDER) as folder:
+            made = Path(folder) / target.name
+            wrong = _compile(compiler, made)
+            if not wrong:
+                for old in FOLDER.glob(PATTERN):
+                    old.unlink(missing_ok=True)
+                made.replace(target)
+    except OSError as error:
+        return f"{FOLDER.name}/ cannot be written: {error.strerror}"
+    return wrong
+
+
+def _compile(compiler: str, made: Path) -> str:
+    command = [compiler, *FLAGS, *map(str, sorted(FOLDER.glob("*.c"))), "-o", str(made), "-lm"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=MOST_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"the compiler did not run: {error}"
+    first = next(iter(done.stderr.strip().splitlines()), "nothing")
+    return f"the compiler said: {first}" if done.returncode else ""
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
 """The set-up's compilation: a library that is named by its sources, or a reason why there is none."""
 
+import errno
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,6 +30,15 @@ def test_without_a_compiler_the_reason_is_told(sources: Path, monkeypatch: pytes
     assert build.build_kernels() == "there is no C compiler"
     assert library.find_kernels() is None
     assert not list(sources.glob("compiled-*"))
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_a_folder_that_cannot_be_written_is_told(sources: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**options: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(tempfile, "TemporaryDirectory", refuse)
+    assert build.build_kernels() == f"{sources.name}/ cannot be written: Permission denied"
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
