@@ -8,6 +8,7 @@ import numpy as np
 
 from services.arrays import GrayImage, RgbImage
 from services.imaging.channels import luminance
+from services.imaging.dark_bands import with_bands_turned
 from services.imaging.illumination import flatten_illumination
 from services.imaging.rulings import without_grids
 from services.layout.content.content_features import ContentFeatures, content_features
@@ -304,9 +305,13 @@ def read_all(
 
 
 def readable(gray: GrayImage) -> GrayImage:
-    """The page (H, W) in even light and without the grids of its tables; one with dark ground as it is.
+    """The page (H, W) in even light, with dark print in its dark bands and without the grids of its tables.
 
-    An engine with a global threshold loses half of the words in shadows.
+    An engine with a global threshold loses half of the words in shadows, and letters in bands. A page with dark ground
+    is left as it is.
     """
-    is_light = np.median(gray[::8, ::8]) >= LIGHT_GROUND
-    return without_grids(flatten_illumination(gray)) if is_light else gray
+    if np.median(gray[::8, ::8]) < LIGHT_GROUND:
+        return gray
+    # Large bands are taken for a shadow when light is evened; what is in a shadow is a band in even light only.
+    even = flatten_illumination(with_bands_turned(gray))
+    return without_grids(with_bands_turned(even))
