@@ -58,6 +58,9 @@ def test_a_library_of_other_sources_is_replaced(sources: Path) -> None:
     built = made.stat().st_mtime_ns
     assert build.build_kernels() == ""
     assert made.stat().st_mtime_ns == built
+    made.write_bytes(b"")
+    assert build.build_kernels() == ""
+    assert made.stat().st_size
     with (sources / "usable.c").open("a") as file:
         file.write("\n/* Another one. */\n")
     assert library.library_path() != made
