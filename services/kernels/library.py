@@ -37,7 +37,7 @@ class Map(ctypes.Structure):
     )
 
 
-class Sheet(ctypes.Structure):
+class SheetTables(ctypes.Structure):
     """`struct sheet` of `surface.h`."""
 
     _fields_ = (
@@ -81,7 +81,7 @@ class Equations(ctypes.Structure):
     )
 
 
-class Mesh(ctypes.Structure):
+class MeshNodes(ctypes.Structure):
     """`struct mesh` of `mesh.c`."""
 
     _fields_ = (
@@ -102,8 +102,8 @@ class Search(ctypes.Structure):
 
 
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
-_IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, Sheet, SheetPoints))
-_ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, Mesh, Search))
+_IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, SheetTables, SheetPoints))
+_ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, MeshNodes, Search))
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "draw_by_map": _DRAW,

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from services.arrays import Floats, Points, Vector
-from services.kernels.library import Sheet, SheetPoints, address, find_kernels
+from services.kernels.library import SheetPoints, SheetTables, address, find_kernels
 
 NODES = 160
 """Nodes along the a-axis; the error of the trapezoidal rule is then below 1e-5 of the page for all bends of paper."""
@@ -160,10 +160,10 @@ class DevelopableSurface:
         object.__setattr__(self, "N", N)
         object.__setattr__(self, "R", w * A + frames[:, :, 1])
 
-    def for_kernels(self) -> Sheet:
+    def for_kernels(self) -> SheetTables:
         """The surface as kernels take it, which must not outlive it."""
         nodes = self.basis.nodes
-        return Sheet(
+        return SheetTables(
             *(address(table) for table in (nodes, self.P, self.A, self.R)),
             len(nodes),
             *self.front,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Points, Vector
-from services.kernels.library import Mesh, Search, address, find_kernels
+from services.kernels.library import MeshNodes, Search, address, find_kernels
 
 NEWTON_STEPS = 8
 LONGEST_STEP = 2.0
@@ -105,10 +105,10 @@ class SheetMesh:
         aspect = height / (rows - 1) / step
         return SheetMesh(X.reshape(rows, columns, 3), self.focal, step, aspect, self.origin)
 
-    def for_kernels(self) -> tuple[Mesh, Floats]:
+    def for_kernels(self) -> tuple[MeshNodes, Floats]:
         """The mesh as kernels take it, and the array that holds its nodes."""
         nodes = np.ascontiguousarray(self.nodes, np.float64)
-        return Mesh(address(nodes), self.rows, self.columns, self.focal), nodes
+        return MeshNodes(address(nodes), self.rows, self.columns, self.focal), nodes
 
     def deepened(self, factor: float) -> "SheetMesh":
         """The sheet with `factor` times its depth, seen in the same place with as much longer a focal length."""
