@@ -28,7 +28,7 @@ def with_bands_turned(page: GrayImage) -> GrayImage:
     Their ground has the level of the paper then. It is `page` itself where there are none.
     """
     width = page.shape[1]
-    least = round(width * _LEAST_WIDTH), max(round(width * _LEAST_HEIGHT), 3)
+    least = max(round(width * _LEAST_WIDTH), 4), max(round(width * _LEAST_HEIGHT), 3)
     paper = float(np.median(page[::8, ::8]))
     dark = np.asarray(cv2.inRange(page, -1.0, paper - _DARKER), np.uint8)
     # What is neither as high nor as wide is print or a rule; most pages have nothing else.

@@ -82,9 +82,8 @@ def find_page(
         page = search.page_by_text()
         return replace(page, notices=(*page.notices, OTHER_SHEET)) if search.other_sheet else page
     except NoText as refusal:
-        if (
-            needs_text or parameters.region is not None
-        ):  # a region is one of text, and the sheet beside it is not asked
+        # A region is one of text, and the sheet beside it is not asked.
+        if needs_text or parameters.region is not None:
             raise
         return search.page_without_text(refusal)
     finally:

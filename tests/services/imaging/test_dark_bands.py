@@ -66,3 +66,10 @@ def test_what_is_no_band_stays(kind: str) -> None:
         page[400:442, 300:700] = GROUND
         cv2.putText(page, "TOTAL", (320, 430), cv2.FONT_HERSHEY_SIMPLEX, 0.9, GROUND + 40, 2, cv2.LINE_AA)
     assert with_bands_turned(page) is page
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (7, 30), (90, 95)])
+def test_small_pages_are_taken(size: tuple[int, int]) -> None:
+    page = np.full(size, PAPER, np.uint8)
+    page[: size[0] // 2] = GROUND
+    assert with_bands_turned(page).shape == size
