@@ -9,8 +9,6 @@ from services.kernels.library import address, find_kernels
 
 SHIFT_COST = 0.02
 """Of a path for a step of one column from row to row, in full edges: edges of paper are straight or bend gently."""
-FEW_PATHS = 4
-"""Up to which the plain version traces one after the other: a step of one takes 1.2 us, a step of all together 5."""
 
 
 def accumulate_scores(score: Floats, max_shift: int, shift_cost: float) -> Floats:
@@ -104,9 +102,6 @@ def trace_back_plain(
     grid_count, rows, columns = best.shape
     padded = np.full((grid_count, rows, columns + 2 * max_shift), -np.inf)
     padded[..., max_shift : max_shift + columns] = best
-    if len(ends) <= FEW_PATHS:
-        paths = [_trace_one(padded[grid], int(end), cost) for grid, end in zip(grids, ends, strict=True)]
-        return np.array(paths, np.intp).reshape(len(ends), rows)
     values, width = padded.ravel(), columns + 2 * max_shift
     whence = grids[:, None] * (rows * width) + np.arange(2 * max_shift + 1) + (rows - 1) * width
     at, together = np.array(ends, np.intp), np.empty((rows, len(ends)), np.intp)
@@ -129,12 +124,3 @@ def trace_back_plain(
 def _costs(max_shift: int, shift_cost: float) -> Vector:
     """Of shifts (2 `max_shift` + 1,) from row to row."""
     return shift_cost * np.abs(np.arange(-max_shift, max_shift + 1))
-
-
-def _trace_one(padded: Floats, end: int, cost: Vector) -> list[int]:
-    """Columns (N,) of one path through the `padded` sums (N, M + len(cost) - 1)."""
-    path, at, width = [end], end, len(cost)
-    for row in padded[-2::-1]:
-        at = max(at + int((row[at : at + width] - cost).argmax()) - width // 2, 0)
-        path.append(at)
-    return path[::-1]

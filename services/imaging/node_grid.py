@@ -17,7 +17,7 @@ MAX_REDUCTION = 12.0
 TILE_NODES = 16
 """Nodes of the grid along the side of a tile in which the place is sought where values between them become negative."""
 FAR_PX = 1e6
-"""Outside of any image."""
+"""Outside of any image, and of any view: its paper has no corners farther away."""
 ALL_KNOWN = 1 - 0.5 / (2 * GRID_STEP_PX) ** 2
 """Share of known nodes round a pixel: one that is not counts with the square of half a pixel's share of a step at
 least."""

@@ -11,7 +11,7 @@ from services.geometry.focal_prior import FocalPrior, typical_focal_prior
 from services.geometry.page_frame import DETAIL_PERCENTILE, Frame, resize_frame
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
-from services.imaging.node_grid import MAX_REDUCTION, continuous_nodes, positive_between
+from services.imaging.node_grid import FAR_PX, MAX_REDUCTION, continuous_nodes, positive_between
 from services.imaging.reduction import LARGEST_STEP, reduce_exactly, reduce_image
 from services.mosaic.flat_photo import RIM_PX, FlatPhoto, SeenPage
 from services.notices import Notice
@@ -20,7 +20,7 @@ from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.page_search import find_page
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.drawing import FAR_PX, draw_gray_view, photo_nodes
+from services.rectify.view.drawing import draw_gray_view, photo_nodes
 from services.rectify.view.flatness import Flatness, measure_flatness, not_flat
 from services.rectify.view.judged_view import is_flatter
 from services.rectify.view.paper_end import PaperEnd, find_paper_end

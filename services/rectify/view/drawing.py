@@ -12,6 +12,7 @@ from services.geometry.homographies import resizing, to_resized, transform_point
 from services.geometry.page_frame import Frame
 from services.imaging.bicubic import draw_between_nodes, draw_by_homography
 from services.imaging.node_grid import (
+    FAR_PX,
     GRID_STEP_PX,
     MAX_REDUCTION,
     band_nodes,
@@ -27,8 +28,6 @@ MASK_SIDE_PX = 500
 """Long side of the image that tells which nodes are near the paper's edge."""
 MASK_ERROR_PX = 2.0
 """Distances in that image are off by less: half a pixel by its rounding, 5 % by OpenCV's steps of a distance."""
-FAR_PX = 1e6
-"""From the view: its paper has no corners farther away."""
 BAND_PX = 16 * GRID_STEP_PX
 """Rows drawn at a time; this bounds the memory of the dense map."""
 
