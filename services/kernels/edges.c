@@ -9,50 +9,62 @@
 
 enum { CHANNELS = 3, TAPS = 5 };
 
-/* Three channels, and a fourth number that means nothing. */
-AVX2 static inline __m128 color_at(const uint8_t *pixel) {
-    int32_t four;
-    memcpy(&four, pixel, sizeof four);
-    return _mm_cvtepi32_ps(_mm_cvtepu8_epi32(_mm_cvtsi32_si128(four)));
+/* Three channels of a pixel and of the one to its right, and two numbers that mean nothing. */
+AVX2 static inline __m256 colors_at(const uint8_t *pixel) {
+    return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)pixel)));
 }
 
-AVX2 static inline __m128 last_color(const uint8_t *pixel) { return _mm_setr_ps(pixel[0], pixel[1], pixel[2], 0.0f); }
-
-AVX2 static inline __m128 mix(__m128 first, __m128 second, float part) {
-    return _mm_add_ps(first, _mm_mul_ps(_mm_set1_ps(part), _mm_sub_ps(second, first)));
+AVX2 static inline __m256 last_colors(const uint8_t *pixel, ptrdiff_t right) {
+    const uint8_t *next = pixel + right;
+    return _mm256_setr_ps(pixel[0], pixel[1], pixel[2], next[0], next[1], next[2], 0.0f, 0.0f);
 }
 
-/* Bilinear between pixels; those of the border are repeated, and NaN is taken for 0. */
-AVX2 static inline __m128 sample(const struct image *image, float x, float y) {
-    const float last_x = (float)(image->width - 1), last_y = (float)(image->height - 1);
-    x = x > 0.0f ? x < last_x ? x : last_x : 0.0f;
-    y = y > 0.0f ? y < last_y ? y : last_y : 0.0f;
-    const int32_t column = (int32_t)x, row = (int32_t)y;
-    const float across = x - (float)column, down = y - (float)row;
+AVX2 static inline __m128 mix(__m128 first, __m128 second, __m128 part) {
+    return _mm_add_ps(first, _mm_mul_ps(_mm_broadcastss_ps(part), _mm_sub_ps(second, first)));
+}
+
+/* Between both pixels of `colors_at`. */
+AVX2 static inline __m128 mix_pair(__m256 pair, __m128 part) {
+    const __m256i next = _mm256_setr_epi32(3, 4, 5, 6, 7, 7, 7, 7);
+    const __m128 right = _mm256_castps256_ps128(_mm256_permutevar8x32_ps(pair, next));
+    return mix(_mm256_castps256_ps128(pair), right, part);
+}
+
+/* Bilinear at `place` (x, y), which is an `image`'s; the first three numbers are the channels. */
+AVX2 static inline __m128 sample(const struct image *image, __m128 place) {
+    const __m128i whole = _mm_cvttps_epi32(place);
+    const __m128 part = _mm_sub_ps(place, _mm_cvtepi32_ps(whole));
+    const int32_t column = _mm_cvtsi128_si32(whole), row = _mm_extract_epi32(whole, 1);
     const uint8_t *upper = image->pixels + row * image->stride + (ptrdiff_t)column * CHANNELS;
     const uint8_t *lower = upper + (row + 1 < image->height ? image->stride : 0);
-    /* Four bytes are loaded for three. */
-    if (column + 2 < image->width)
-        return mix(
-            mix(color_at(upper), color_at(upper + CHANNELS), across),
-            mix(color_at(lower), color_at(lower + CHANNELS), across), down);
-    const ptrdiff_t right = column + 1 < image->width ? CHANNELS : 0;
-    return mix(
-        mix(last_color(upper), last_color(upper + right), across),
-        mix(last_color(lower), last_color(lower + right), across), down);
+    __m256 above, below;
+    /* Eight bytes are loaded for six. */
+    if (column + 2 < image->width) {
+        above = colors_at(upper);
+        below = colors_at(lower);
+    } else {
+        const ptrdiff_t right = column + 1 < image->width ? CHANNELS : 0;
+        above = last_colors(upper, right);
+        below = last_colors(lower, right);
+    }
+    return mix(mix_pair(above, part), mix_pair(below, part), _mm_movehdup_ps(part));
 }
 
 /* Means `colors` (steps, 3) over `sides` places beside each other, across a curve at `point`: at point + offset * normal +
-   aside * (the normal turned by a quarter). */
+   aside * (the normal turned by a quarter). Pixels of the border are repeated, and NaN is taken for 0. */
 AVX2 static void sample_profile(
     const struct image *image, const double *point, const double *normal, const double *offsets, ptrdiff_t steps,
     const double *aside, ptrdiff_t sides, float *colors) {
+    const __m128d middle = _mm_loadu_pd(point), across = _mm_loadu_pd(normal);
+    const __m128d along = _mm_setr_pd(-normal[1], normal[0]);
+    const __m128 last = _mm_setr_ps((float)(image->width - 1), (float)(image->height - 1), 0.0f, 0.0f);
     for (ptrdiff_t step = 0; step < steps; step++) {
-        const double x = point[0] + offsets[step] * normal[0], y = point[1] + offsets[step] * normal[1];
+        const __m128d at = _mm_add_pd(middle, _mm_mul_pd(_mm_set1_pd(offsets[step]), across));
         __m128 sum = _mm_setzero_ps();
-        for (ptrdiff_t side = 0; side < sides; side++)
-            sum = _mm_add_ps(
-                sum, sample(image, (float)(x - aside[side] * normal[1]), (float)(y + aside[side] * normal[0])));
+        for (ptrdiff_t side = 0; side < sides; side++) {
+            const __m128 place = _mm_cvtpd_ps(_mm_add_pd(at, _mm_mul_pd(_mm_set1_pd(aside[side]), along)));
+            sum = _mm_add_ps(sum, sample(image, _mm_min_ps(_mm_max_ps(place, _mm_setzero_ps()), last)));
+        }
         float mean[4];
         _mm_storeu_ps(mean, _mm_div_ps(sum, _mm_set1_ps((float)sides)));
         memcpy(colors + step * CHANNELS, mean, CHANNELS * sizeof *mean);

@@ -1,4 +1,4 @@
-/* Best paths down the rows of grids, by dynamic programming. */
+/* Best paths down the rows of grids, by dynamic programming, and what paths across rays gain. */
 
 #include "kernels.h"
 
@@ -58,5 +58,23 @@ void trace_back(
             }
             columns_of[row] = at = to;
         }
+    }
+}
+
+/* What a path gains at every sample, `score` (rays, samples): the `edges` there, and `weight` times the sum of the `odds` so
+   far, of which there are as many a ray as `step` (0: one, 1: samples) says. At the `last` sample that is shown, (rays,), it
+   gains `leaving` in place of an edge; it may not go beyond that, nor to samples before `least`, (rays,). */
+void score_rays(
+    const double *edges, const double *odds, ptrdiff_t step, const ptrdiff_t *last, const double *least, ptrdiff_t rays,
+    ptrdiff_t samples, double weight, double leaving, double *score) {
+    for (ptrdiff_t ray = 0; ray < rays; ray++) {
+        const double *edge = edges + ray * samples, *odd = odds + ray * (step ? samples : 1);
+        double *gained = score + ray * samples, sum = 0;
+        const double first = least[ray] < (double)last[ray] ? least[ray] : (double)last[ray];
+        for (ptrdiff_t i = 0; i <= last[ray]; i++) {
+            sum += odd[i * step];
+            gained[i] = (double)i < first ? -INFINITY : (i == last[ray] ? leaving : edge[i]) + weight * sum;
+        }
+        for (ptrdiff_t i = last[ray] + 1; i < samples; i++) gained[i] = -INFINITY;
     }
 }

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import Floats, GrayImage, Points, RgbImage, Vector
 from services.geometry.homographies import resizing, to_resized, transform_points, translation
 from services.geometry.page_frame import Frame
+from services.geometry.polygons import distances_within
 from services.imaging.bicubic import draw_between_nodes, draw_by_homography
 from services.imaging.node_grid import (
     FAR_PX,
@@ -209,10 +210,8 @@ def _distances_inside(polygon: Points, nodes: Floats) -> NDArray[np.float32]:
         cv2.dilate(side.astype(np.uint8), neighbours) > 0
         for side in (distances > -unsure, distances < unsure)
     )
-    corners = polygon.astype(np.float32)
-    for row, column in np.argwhere(entered & left):
-        x, y = nodes[row, column]
-        distances[row, column] = cv2.pointPolygonTest(corners, (float(x), float(y)), True)
+    crossed = entered & left
+    distances[crossed] = distances_within(nodes[crossed], polygon)
     return np.asarray(distances, np.float32)
 
 

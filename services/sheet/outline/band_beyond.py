@@ -6,10 +6,11 @@ beside the fourth, as wide as the sheet: the sides next to it do not end there.
 
 from collections.abc import Iterator, Sequence
 
-import cv2
 import numpy as np
 
-from services.arrays import Points, RgbImage
+from services.arrays import Points, RgbImage, Vector
+from services.geometry.polygons import distances_within
+from services.order_statistics import median, quantile
 from services.sheet.outline.beyond_photo import end_direction, room_to_border
 from services.sheet.outline.edges import EdgePoints, measure_sides
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, WHOLE_SIDE, SheetOutline
@@ -35,17 +36,18 @@ def band_side(outer: Points, sides: Sequence[Points]) -> int | None:
     The curve runs along the other three.
     """
     diagonal = float(np.linalg.norm(np.ptp(np.concatenate(sides), axis=0)))
-    curve = outer.astype(np.float32)
-    within = [
-        np.array([cv2.pointPolygonTest(curve, (float(x), float(y)), True) for x, y in side]) / diagonal
-        for side in sides
-    ]
-    shared = [bool(np.quantile(np.abs(depths), 0.9) < NARROWEST) for depths in within]
-    if sum(shared) != 3:
+    found: int | None = None
+    depths: Vector = np.zeros(0)
+    for k, side in enumerate(sides):
+        within = distances_within(side, outer) / diagonal
+        if quantile(np.abs(within), 0.9) < NARROWEST:
+            continue
+        if found is not None:
+            return None
+        found, depths = k, within
+    if found is None:
         return None
-    found = shared.index(False)
-    parts = np.array_split(within[found], 3)
-    return found if all(float(np.median(part)) > NARROWEST for part in parts) else None
+    return found if all(median(part) > NARROWEST for part in np.array_split(depths, 3)) else None
 
 
 def round_bands(
@@ -57,16 +59,27 @@ def round_bands(
     """
     seen = [side.points[side.seen] for side in sides]
     diagonal = float(np.linalg.norm(np.ptp(np.concatenate(seen), axis=0)))
-    guides = [guide for points in seen for guide in (_way_on(points, window), _way_on(points[::-1], window))]
-    ends = [_last_seen(side) for side in measure_sides(photo, guides, diagonal, window)]
-    far = [
-        np.linalg.norm(end - guide[0]) > NARROWEST * diagonal for end, guide in zip(ends, guides, strict=True)
-    ]
+
+    def ends_of(numbers: Sequence[int], *, at_end: bool) -> dict[int, Points]:
+        """Where the sides of these numbers end that go on by more than the narrowest band."""
+        guides = {k: _way_on(seen[k] if at_end else seen[k][::-1], window) for k in numbers}
+        long = {k: guide for k, guide in guides.items() if _length(guide) > NARROWEST * diagonal}
+        measured = measure_sides(photo, list(long.values()), diagonal, window) if long else []
+        ends = {k: _last_seen(side) for k, side in zip(long, measured, strict=True)}
+        return {k: end for k, end in ends.items() if _length([long[k][0], end]) > NARROWEST * diagonal}
+
+    # Mostly no side goes on: the other neighbour of a band is followed only where the first one does.
+    before = ends_of(range(4), at_end=True)
+    after = ends_of([(k + 2) % 4 for k in before], at_end=False)
     for k in range(4):
-        before, after = 2 * ((k - 1) % 4), 2 * ((k + 1) % 4) + 1
-        if far[before] and far[after]:
+        first, last = (k - 1) % 4, (k + 1) % 4
+        if first in before and last in after:
             others = [seen[(k + n) % 4] for n in (1, 2, 3)]
-            yield np.concatenate([*others, np.linspace(ends[before], ends[after], len(seen[k]))])
+            yield np.concatenate([*others, np.linspace(before[first], after[last], len(seen[k]))])
+
+
+def _length(ends: Sequence[Points] | Points) -> float:
+    return float(np.linalg.norm(ends[1] - ends[0]))
 
 
 def _way_on(points: Points, window: tuple[float, float, float, float]) -> Points:

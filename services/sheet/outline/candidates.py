@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Points, Vector
-from services.sheet.outline.colors import color_codes, color_log_odds, color_log_odds_of, count_colors
+from services.sheet.outline.colors import Codes, Counts, color_log_odds, count_colors
 from services.sheet.outline.corners import split_sides
 from services.sheet.outline.edges import outward_normals, resample_closed
 from services.sheet.outline.print_place import PrintPlace
@@ -69,11 +69,11 @@ class _Search:
     rate: Callable[[Points], float]
     parameters: CandidateParameters
     typical: float
-    codes: NDArray[np.int64]
+    codes: Codes
     parted: float
     paths: list[NDArray[np.intp]] = field(default_factory=list)
     found: list[Candidate] = field(default_factory=list)
-    counts: NDArray[np.intp] = field(init=False)
+    counts: Counts = field(init=False)
 
     def __post_init__(self) -> None:
         self.counts = count_colors(self.codes)
@@ -93,6 +93,11 @@ class _Search:
         parted = parted_colors(self.codes, self.counts, curve) if self.parted else 0.0
         rank = rating + self.parted * parted
         return Candidate(curve, rating, float((path >= self.rays.last).mean()), rank)
+
+    def odds_of(self, inside: Mask) -> Vector:
+        """Log odds of the colour bins (K,) `inside` (h, w) and outside."""
+        within = count_colors(self.codes, inside)
+        return color_log_odds(within, self.counts - within)
 
     def best(self, count: int, first: int = 0) -> list[NDArray[np.intp]]:
         """Paths of the `count` best candidates from number `first` on, or fewer if some are the same."""
@@ -114,17 +119,16 @@ def find_candidates(
     rays = cast_rays(reduced, place.core, place.mask, p.rays)
     reach = rays.reach_of_mask(place.mask)
     # By colour: what is like the ground of the print, then what is like the inside of the first curve.
-    codes = color_codes(reduced.colors)
-    search = _Search(rays, rate, p, 1.3 * float(np.median(reach)), codes, parted)
-    odds_image = color_log_odds(codes, place.mask, None)
+    search = _Search(rays, rate, p, 1.3 * float(np.median(reach)), reduced.codes, parted)
+    odds = color_log_odds(count_colors(search.codes, place.mask), search.counts)
     for _ in range(2):
-        search.add((p.inside * reach, rays.sample(odds_image)))
+        search.add((p.inside * reach, rays.sample(odds[search.codes])))
         path = search.paths[-1]
         search.typical = float(np.median(path))
         inside = _filled(rays.at(path), place.mask.shape)
         if inside.all():
             break
-        odds_image = color_log_odds(codes, inside, ~inside)
+        odds = search.odds_of(inside)
     if search.found[-1].cut > p.most_cut:
         return search.found
     # By edges alone, beyond the print, or beyond its core if texture of a desk was found as print.
@@ -149,9 +153,8 @@ def improve_candidate(
         return []
     rays = cast_rays(reduced, inside, inside, p.rays)
     reach = rays.reach_of_mask(inside)
-    codes = color_codes(reduced.colors)
-    search = _Search(rays, rate, p, float(np.median(reach)), codes, parted)
-    odds = rays.sample(color_log_odds(codes, inside, ~inside))
+    search = _Search(rays, rate, p, float(np.median(reach)), reduced.codes, parted)
+    odds = rays.sample(search.odds_of(inside)[reduced.codes])
     search.add(
         ((1 - p.concavity) * reach, 0.0), (reach - p.tolerance, p.outward), ((1 - BY_COLORS) * reach, odds)
     )
@@ -186,13 +189,13 @@ def _extend_sides(search: _Search, path: NDArray[np.intp]) -> None:
         search.add(*sought)
 
 
-def parted_colors(codes: NDArray[np.int64], counts: NDArray[np.intp], curve: Points) -> float:
+def parted_colors(codes: Codes, counts: Counts, curve: Points) -> float:
     """How well a `curve` (N, 2) parts the colours of a photo with `codes` (h, w) next to it, -1 to 1.
 
     `counts` are the numbers of pixels in all bins.
     """
     inside = _filled(curve, codes.shape)
-    within = count_colors(codes[inside])
+    within = count_colors(codes, inside)
     beyond = counts - within
     if not within.any() or not beyond.any():
         return 0.0
@@ -204,7 +207,7 @@ def parted_colors(codes: NDArray[np.int64], counts: NDArray[np.intp], curve: Poi
         return 0.0
     sides = np.concatenate([(points + way * normals)[shown] for way in (-BESIDE_PX, BESIDE_PX)])
     at = np.clip(np.round(sides).astype(int), 0, high)
-    odds = color_log_odds_of(codes[at[:, 1], at[:, 0]], within, beyond)
+    odds = color_log_odds(within, beyond, codes[at[:, 1], at[:, 0]])
     return float(np.sum(odds[: shown.sum()] - odds[shown.sum() :])) / (2 * len(points))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points, Vector
+from services.kernels.library import address, find_kernels
 from services.order_statistics import median
 from services.sheet.outline.edges import EdgePoints
 
@@ -126,11 +127,43 @@ def _side_costs(curve: Points, shown: NDArray[np.bool_], places: NDArray[np.intp
     lengths = (places[None, :] - places[:, None]) % count
     cost = np.full(lengths.shape, np.inf)
     a, b = np.nonzero((lengths >= SHORTEST_SIDE * count) & (lengths <= LONGEST_SIDE * count))
+    cost[a, b] = piece_costs(curve / unit, shown, places[a], lengths[a, b])
+    return cost
+
+
+def piece_costs(
+    curve: Points, shown: NDArray[np.bool_], starts: NDArray[np.intp], lengths: NDArray[np.intp]
+) -> Vector:
+    """(S,) sums of squared distances of the `shown` (N,) points of pieces of a closed `curve` (N, 2) from parabolas.
+
+    Each begins at its point number `starts` (S,) and is `lengths` (S,) long. A distance counts `JAG` at most.
+    """
+    count, pieces = len(curve), len(starts)
+    if shown.shape != (count,) or lengths.shape != (pieces,):
+        raise ValueError("every piece has a beginning and a length, every point is shown or not")
+    kernels = find_kernels()
+    if kernels is None:
+        return piece_costs_plain(curve, shown, starts, lengths)
+    if pieces and not (0 <= starts.min() <= starts.max() < count and lengths.min() >= 0):
+        raise IndexError("pieces begin at points of the curve")
+    curve, shown = np.ascontiguousarray(curve, np.float64), np.ascontiguousarray(shown, bool)
+    starts, lengths = (np.ascontiguousarray(given, np.intp) for given in (starts, lengths))
+    share, costs = np.linspace(0, 1, SIDE_SAMPLES), np.empty(pieces)
+    given = address(curve), address(shown), count, address(starts), address(lengths), pieces
+    if not kernels.piece_costs(*given, address(share), SIDE_SAMPLES, JAG, address(costs)):
+        raise MemoryError
+    return costs
+
+
+def piece_costs_plain(
+    curve: Points, shown: NDArray[np.bool_], starts: NDArray[np.intp], lengths: NDArray[np.intp]
+) -> Vector:
+    """`piece_costs` without a kernel."""
     share = np.linspace(0, 1, SIDE_SAMPLES)
-    index = (places[a][:, None] + np.round(share * lengths[a, b][:, None]).astype(int)) % count
+    index = (starts[:, None] + np.round(share * lengths[:, None]).astype(int)) % len(curve)
     weight = shown[index].astype(np.float64)
     total = np.maximum(weight.sum(axis=1), 1.0)
-    points = curve[index] / unit
+    points = curve[index]
     centred = points - (weight[..., None] * points).sum(axis=1, keepdims=True) / total[:, None, None]
     moment = np.einsum("sn,sni,snj->sij", weight, centred, centred)
     angle = 0.5 * np.arctan2(2 * moment[:, 0, 1], moment[:, 0, 0] - moment[:, 1, 1])
@@ -143,8 +176,7 @@ def _side_costs(curve: Points, shown: NDArray[np.bool_], places: NDArray[np.intp
     fit = np.linalg.solve(normal, np.einsum("sni,sn->si", weighted, d)[..., None])[..., 0]
     # A few jags of creases are not a corner.
     residual = np.minimum(np.abs(d - np.einsum("sni,si->sn", design, fit)), JAG)
-    cost[a, b] = (weight * residual**2).sum(axis=1) * lengths[a, b] / SIDE_SAMPLES
-    return cost
+    return np.asarray((weight * residual**2).sum(axis=1) * lengths / SIDE_SAMPLES)
 
 
 def locate_corners(edge: EdgePoints, corners: Corners) -> Points:

@@ -51,10 +51,12 @@ def _straight_part(points: Points) -> Mask | None:
     if count < MIN_POINTS:
         return None
     length = float(np.linalg.norm(points[-1] - points[0]))
+    whole = _distances(points, points[:1], points[-1:] - points[:1])
+    if (whole < STRAIGHT * length).all():
+        return np.ones(count, bool)
     first, last = np.triu_indices(count, k=count // 3)
     along = points[last] - points[first]
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
-    off = np.abs((points[None] - points[first][:, None]) @ across[:, :, None])[:, :, 0]
+    off = _distances(points, points[first], along)
     near = off < STRAIGHT * length
     best = int(np.argmax(near.sum(axis=1)))
     on = np.flatnonzero(near[best])
@@ -70,6 +72,14 @@ def _straight_part(points: Points) -> Mask | None:
         if not leaves:
             return None
     return straight
+
+
+def _distances(points: Points, at: Points, along: Points) -> Floats:
+    """Distances (K, N) of `points` (N, 2) from lines through places (K, 2), `along` (K, 2)."""
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    # Of places near the first point, so that no large numbers are subtracted.
+    origin = points[0]
+    return np.asarray(np.abs(across @ (points - origin).T - (across * (at - origin)).sum(axis=1)[:, None]))
 
 
 def _turn(points: Points, piece: np.ndarray, along: Points) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from services.arrays import Floats, Mask, Points, Vector
 from services.imaging.components import label_components
-from services.sheet.outline.colors import color_codes, color_density
+from services.sheet.outline.colors import color_density, count_colors
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
 # Which characters are accepted, and where the middle of the sheet is searched.
@@ -44,8 +44,8 @@ def place_print(reduced: ReducedPhoto, characters: Points | None) -> PrintPlace:
         return PrintPlace(core, core, np.zeros((0, 2)))
     place = reduced.from_photo(characters)
     at = np.clip(np.round(place).astype(int), 0, [width - 1, height - 1])
-    code = color_codes(reduced.colors[at[:, 1], at[:, 0]])
-    density = color_density(code)[code]
+    code = reduced.codes[at[:, 1], at[:, 0]]
+    density = color_density(count_colors(code))[code]
     kept = density >= LIKE_PRINT * np.percentile(density, 90)
     place, at = place[kept], at[kept]
     mask = np.zeros((height, width), np.uint8)

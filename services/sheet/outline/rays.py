@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from services.arrays import Floats, Mask, Points, Vector
 from services.imaging.channels import length_of_channels
 from services.imaging.grid_paths import SHIFT_COST
+from services.imaging.node_grid import take_values
+from services.kernels.library import address, find_kernels
 from services.sheet.outline.paths import find_closed_paths
 from services.sheet.outline.reduced_photo import ReducedPhoto
 
@@ -35,24 +37,15 @@ class RayParameters:
 class Rays:
     """N rays of M samples on the reduced photo.
 
-    Sample m of ray n is at `origin + (m + 1) * steps[n]`. `edges` (N, M) is how clearly the colour changes along the
-    ray (0-1), `shown` (N, M) marks the samples inside the photo.
+    Sample m of ray n is at `origin + (m + 1) * steps[n]`; `places` (N, M, 2) are these in single precision. `edges`
+    (N, M) is how clearly the colour changes along the ray (0-1), `last` (N,) the last sample inside the photo.
     """
 
     origin: Vector
     steps: Points
+    places: NDArray[np.float32]
     edges: Floats
-    shown: Mask
-
-    @property
-    def last(self) -> NDArray[np.intp]:
-        """(N,) last sample of every ray inside the photo."""
-        return np.asarray(self.shown.sum(axis=1) - 1, np.intp)
-
-    def points(self) -> Floats:
-        """All samples (N, M, 2)."""
-        count = np.arange(1, self.edges.shape[1] + 1, dtype=np.float64)
-        return np.asarray(self.origin + count[None, :, None] * self.steps[:, None, :])
+    last: NDArray[np.intp]
 
     def at(self, path: NDArray[np.intp]) -> Points:
         """Points (N, 2) of a path."""
@@ -60,7 +53,7 @@ class Rays:
 
     def sample(self, image: Floats) -> Floats:
         """Values (N, M) or (N, M, K) of an image (h, w) or (h, w, K)."""
-        return _sample(image, self.points())
+        return _sample(image, self.places)
 
     def reach_of_mask(self, mask: Mask) -> NDArray[np.intp]:
         """(N,) last sample of every ray inside `mask` (h, w); 0 for none."""
@@ -91,15 +84,45 @@ class Rays:
         return find_closed_paths(score, p.max_shift, SHIFT_COST)
 
     def _score(self, least: Vector, odds: Floats | float, typical: float, p: RayParameters) -> Floats:
-        """What a path gains at every sample (N, M); -inf where it may not go."""
-        rays, samples = self.edges.shape
-        region = np.cumsum(np.where(self.shown, odds, 0.0), axis=1) * (p.region_weight / max(typical, 10.0))
-        # The samples before an edge are inside.
-        score = self.edges + region
-        n, last = np.arange(rays), self.last
-        score[n, last] = p.exit_score + region[n, last]
-        barred = ~self.shown | (np.arange(samples)[None, :] < np.minimum(least, last)[:, None])
-        return np.asarray(np.where(barred, -np.inf, score))
+        weight = p.region_weight / max(typical, 10.0)
+        return score_rays(self.edges, np.asarray(odds), self.last, least, weight, p.exit_score)
+
+
+def score_rays(
+    edges: Floats, odds: Floats, last: NDArray[np.intp], least: Vector, weight: float, leaving: float
+) -> Floats:
+    """What a path gains at every sample (N, M) of N rays; -inf where it may not go.
+
+    That is an edge (N, M), or at the `last` sample (N,), beyond which it may not go, `leaving`; and `weight` times the
+    `odds` of all samples so far, which are inside: (N, M), (N, 1) or (). Samples before `least` (N,) are barred.
+    """
+    rays, samples = edges.shape
+    odds = np.broadcast_to(odds, (rays, odds.shape[1] if odds.ndim else 1))
+    if odds.shape[1] not in (1, samples) or last.shape != (rays,) or least.shape != (rays,):
+        raise ValueError("every ray has odds, a last and a least sample")
+    kernels = find_kernels()
+    if kernels is None:
+        return score_rays_plain(edges, odds, last, least, weight, leaving)
+    if rays and not 0 <= last.min() <= last.max() < samples:
+        raise ValueError("the last sample of a ray is one of it")
+    edges, odds, least = (np.ascontiguousarray(given, np.float64) for given in (edges, odds, least))
+    last, score = np.ascontiguousarray(last, np.intp), np.empty((rays, samples))
+    given = address(edges), address(odds), int(odds.shape[1] > 1), address(last), address(least)
+    kernels.score_rays(*given, rays, samples, weight, leaving, address(score))
+    return score
+
+
+def score_rays_plain(
+    edges: Floats, odds: Floats, last: NDArray[np.intp], least: Vector, weight: float, leaving: float
+) -> Floats:
+    """`score_rays` without a kernel, for odds (N, M) or (N, 1)."""
+    rays, samples = edges.shape
+    n, m = np.arange(rays), np.arange(samples)
+    region = weight * np.cumsum(np.broadcast_to(odds, edges.shape), axis=1, dtype=np.float64)
+    score = edges + region
+    score[n, last] = leaving + region[n, last]
+    barred = (m > last[:, None]) | (m < np.minimum(least, last)[:, None])
+    return np.asarray(np.where(barred, -np.inf, score))
 
 
 def cast_rays(reduced: ReducedPhoto, middle: Mask, extent: Mask, p: RayParameters) -> Rays:
@@ -123,19 +146,14 @@ def cast_rays(reduced: ReducedPhoto, middle: Mask, extent: Mask, p: RayParameter
     x, y = points[..., 0], points[..., 1]
     shown = (x >= x0 - 0.5) & (x <= x1 + 0.5) & (y >= y0 - 0.5) & (y <= y1 + 0.5)
     # The window is convex: what follows a sample outside is outside.
-    shown = np.logical_and.accumulate(shown, axis=1)
-    shown[:, 0] = True
-    return Rays(
-        origin, steps, edge_strength(_sample(reduced.colors, points), reduced.contrast), np.asarray(shown)
-    )
+    last = np.maximum(np.where(shown.all(axis=1), p.samples, shown.argmin(axis=1)) - 1, 0)
+    places = points.astype(np.float32)
+    edges = edge_strength(_sample(reduced.colors, places), reduced.contrast)
+    return Rays(origin, steps, places, edges, last)
 
 
-def _sample(image: Floats, points: Floats) -> Floats:
-    at = points.astype(np.float32)
-    values = np.asarray(image, np.float32)
-    return np.asarray(
-        cv2.remap(values, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    )
+def _sample(image: Floats, places: NDArray[np.float32]) -> NDArray[np.float32]:
+    return take_values(np.asarray(image, np.float32), places, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
 
 
 def edge_strength(colors: Floats, contrast: float) -> Floats:

@@ -11,6 +11,7 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized
 from services.imaging.channels import length_of_channels, strongest_channel
 from services.imaging.reduction import GROUND_PX, Halves
+from services.sheet.outline.colors import Codes, color_codes
 
 # How far the photo is reduced, and what counts as a black band.
 MEDIUM_LONG_SIDE_PX = 1600
@@ -33,13 +34,14 @@ BAND_SHARE = 0.85
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedPhoto:
-    """`colors` (h, w, 3) float32: CIE Lab of the photo resized by `factor`, print closed.
+    """`colors` (h, w, 3) float32: CIE Lab of the photo resized by `factor`, print closed; `codes` (h, w): their bins.
 
     `contrast` is the colour difference on which an edge counts half: it is above the variation of the photo.
     `window` (x0, y0, x1, y1), inclusive pixels, is the part that is not padding.
     """
 
     colors: Floats
+    codes: Codes
     factor: float
     contrast: float
     window: tuple[int, int, int, int]
@@ -83,8 +85,9 @@ def reduce_photo(photo: RgbImage | Halves) -> ReducedPhoto:
     blank = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, kernel)[side:-side, side:-side]
     closed = small.copy()
     closed[y0 : y1 + 1, x0 : x1 + 1] = cv2.medianBlur(np.ascontiguousarray(blank), 3)
-    colors = cv2.cvtColor(closed.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
-    return ReducedPhoto(np.asarray(colors), factor, _edge_contrast(colors, window), window)
+    lab = cv2.cvtColor(closed.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    colors = np.asarray(lab, np.float32)
+    return ReducedPhoto(colors, color_codes(colors), factor, _edge_contrast(colors, window), window)
 
 
 def medium_photo(photo: Halves) -> tuple[RgbImage, float]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Points
+from services.imaging.node_grid import take_values
 from services.sheet.outline.corners import split_sides
 from services.sheet.outline.edges import EdgePoints, outward_normals, resample_closed, smooth_closed
 from services.sheet.outline.reduced_photo import ReducedPhoto
@@ -98,7 +99,7 @@ def _inside(polygon: Points, points: Points) -> NDArray[np.bool_]:
 def _ring(colors: Floats, points: Points, normals: Points, offsets: tuple[float, ...]) -> Floats:
     """Mean colours (N, 3) next to a curve at `offsets` along its normals."""
     at = (points[:, None] + np.array(offsets)[None, :, None] * normals[:, None]).astype(np.float32)
-    found = cv2.remap(colors, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    found = take_values(colors, at, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
     return np.asarray(found.mean(axis=1))
 
 
