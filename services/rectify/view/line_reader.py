@@ -82,17 +82,17 @@ class LineReader:
                 sums[way] += trust * count * confidence
         return total, {way: value / weights if weights else 0.0 for way, value in sums.items()}
 
-    def evident_score(self, way: Way) -> float | None:
+    def evident_score(self, way: Way, *, is_clear_enough: bool = True) -> float | None:
         """Confidence of the first of `EVIDENT_LINES` that reads evidently this way; None if none does.
 
-        The search ends at a line that hardly reads (the page lies otherwise, or its language is not known), and at a
-        clear one, which one more reading decides as a rule.
+        The search ends at a line that hardly reads (the page lies otherwise, or its language is not known), and, if
+        `is_clear_enough`, at a clear one, which one more reading decides as a rule.
         """
         for index in range(min(EVIDENT_LINES, len(self._order))):
             letters, score = self._read(index, way)
             if letters >= CLEAR_LETTERS and score >= EVIDENT_SCORE:
                 return score
-            is_clear = letters >= CLEAR_LETTERS and score >= CLEAR_SCORE
+            is_clear = is_clear_enough and letters >= CLEAR_LETTERS and score >= CLEAR_SCORE
             if is_clear or score < UNREAD_SCORE:
                 break
         return None

@@ -38,7 +38,9 @@ def evident_line(analysis: PageAnalysis, frame: Frame, ocr: OcrEngine) -> float 
     def cut(line: TextLine) -> GrayImage:
         return cut_from_view(line, view, strokes)
 
-    return LineReader(lines_in_view(analysis, view), cut, 0, ocr).evident_score(Way(0, False))
+    # Another line costs less than to draw the page and search it, as the next reading of a clear one would need.
+    reader = LineReader(lines_in_view(analysis, view), cut, 0, ocr)
+    return reader.evident_score(Way(0, False), is_clear_enough=False)
 
 
 def lines_in_view(analysis: PageAnalysis, view: Frame) -> list[TextLine]:
