@@ -37,6 +37,26 @@ class Map(ctypes.Structure):
     )
 
 
+class KernelPatch(ctypes.Structure):
+    """`struct patch` of `patches.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("nodes", "cells", "total")),
+        ("total_stride", ctypes.c_ssize_t),
+        *((name, ctypes.c_int32) for name in ("columns", "values", "cell_columns", "side")),
+    )
+
+
+class CellMaps(ctypes.Structure):
+    """`struct cells` of `patches.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("gray", "covered", "energy")),
+        ("stride", ctypes.c_ssize_t),
+        *((name, ctypes.c_int32) for name in ("rows", "columns", "side")),
+    )
+
+
 class SheetTables(ctypes.Structure):
     """`struct sheet` of `surface.h`."""
 
@@ -106,6 +126,7 @@ _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, SheetTables, SheetPoints))
 _ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, MeshNodes, Search))
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
+    "blend_patch": (_IMAGE, _IMAGE, _ADDRESS, ctypes.POINTER(KernelPatch)),
     "draw_by_map": _DRAW,
     "draw_between_nodes": _DRAW,
     "draw_by_homography": _DRAW,
@@ -113,6 +134,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
+    "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
