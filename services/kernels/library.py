@@ -37,6 +37,26 @@ class Map(ctypes.Structure):
     )
 
 
+class KernelPatch(ctypes.Structure):
+    """`struct patch` of `patches.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("nodes", "cells", "total")),
+        ("total_stride", ctypes.c_ssize_t),
+        *((name, ctypes.c_int32) for name in ("columns", "values", "cell_columns", "side")),
+    )
+
+
+class CellMaps(ctypes.Structure):
+    """`struct cells` of `patches.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("gray", "covered", "energy")),
+        ("stride", ctypes.c_ssize_t),
+        *((name, ctypes.c_int32) for name in ("rows", "columns", "side")),
+    )
+
+
 class SheetTables(ctypes.Structure):
     """`struct sheet` of `surface.h`."""
 
@@ -136,6 +156,7 @@ _EDGES, _SAMPLED, _FIELD = map(ctypes.POINTER, (Edges, Sampled, Field))
 _FLOAT, _DOUBLE = ctypes.c_float, ctypes.c_double
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
+    "blend_patch": (_IMAGE, _IMAGE, _ADDRESS, ctypes.POINTER(KernelPatch)),
     "draw_by_map": _DRAW,
     "draw_between_nodes": _DRAW,
     "draw_by_homography": _DRAW,
@@ -147,6 +168,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "find_edges": (_IMAGE, _ADDRESS, _INT, _INT, _ADDRESS, _ADDRESS, _FLOAT, _EDGES, _SAMPLED),
     "gather_blocks": (_ADDRESS, _ADDRESS, _SIZE, _DOUBLE, _INT, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
+    "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
