@@ -34,7 +34,7 @@ def label_components(mask: Mask | NDArray[np.uint8]) -> Components:
         np.ascontiguousarray(inside).view(np.uint8), 8, cv2.CV_32S, cv2.CCL_BBDT
     )
     labels = np.asarray(found, np.int32)
-    y, first, last = _runs(inside)
+    y, first, last = runs_along_rows(inside)
     own = labels[y, first]
     length = last - first + 1
     area = np.bincount(own, length, count)
@@ -56,7 +56,7 @@ def label_components(mask: Mask | NDArray[np.uint8]) -> Components:
         return Components(count, labels, stats, (sums / area).T)
 
 
-def _runs(inside: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+def runs_along_rows(inside: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
     """Row, first and last column (N,) of the runs of `inside` (H, W) along its rows, in their order."""
     height, width = inside.shape
     # A column of ground before each row keeps runs of two rows apart, and one pixel ends the last run.

@@ -4,7 +4,7 @@
    products of one weight for the column and one for the row, in units of 2^-15. AVX2 multiplies the four neighbours of
    a row with their weights, all channels at once. */
 
-#include "kernels.h"
+#include "bicubic.h"
 
 #include <immintrin.h>
 #include <string.h>
@@ -13,10 +13,7 @@ enum {
     BITS = 10,          /* of a place within a pixel, along one axis */
     STEPS = 1 << BITS,
     ONE = 1 << 15,      /* the sum of weights */
-    CHANNELS = 3,
     LOADED_PX = 6,      /* pixels that 16 bytes may touch */
-    LINE_PX = 64,       /* pixels whose places are computed together */
-    NODE_PX = 16,       /* GRID_STEP_PX of `services/imaging/node_grid.py` */
 };
 
 /* Places in the image by `x` and `y`, numbers that are `step` apart and `stride` from row to row; or the homography `H`
@@ -25,15 +22,6 @@ struct map {
     const float *x, *y;
     ptrdiff_t stride, step;
     const double *H;
-};
-
-static inline int between(int value, int least, int most) {
-    return value < least ? least : value > most ? most : value;
-}
-
-/* Where pixels of a line are seen: the first of four columns and rows, and the place within a pixel. */
-struct places {
-    int32_t column[LINE_PX], row[LINE_PX], across[LINE_PX], down[LINE_PX];
 };
 
 /* `x` and `y` in steps. */
@@ -46,8 +34,7 @@ AVX2 static inline void set_places(struct places *places, const int32_t *x, cons
     }
 }
 
-/* `x` and `y` (count,) in pixels; these have room for eight more. What is no number is far away. */
-AVX2 static void places_at(struct places *places, const float *x, const float *y, int count) {
+AVX2 void places_at(struct places *places, const float *x, const float *y, int count) {
     const __m256 steps = _mm256_set1_ps(STEPS), most = _mm256_set1_ps(FARTHEST_PX), least = _mm256_set1_ps(-FARTHEST_PX);
     int32_t whole[2][LINE_PX];
     for (int axis = 0; axis < 2; axis++)
@@ -70,20 +57,17 @@ AVX2 static void places_by_map(struct places *places, const struct map *map, int
     places_at(places, x, y, count);
 }
 
-/* Nodes are NODE_PX pixels apart, the first one half of that before the first pixel's edge, along both axes: the map is
-   bilinear between them. `left` is a multiple of NODE_PX. */
+/* Between nodes along both axes. `left` is a multiple of NODE_PX. */
 AVX2 static void places_between(struct places *places, const struct map *map, int left, int row, int count) {
-    const float down = (row % NODE_PX + 0.5f) / NODE_PX + 0.5f;
-    /* Nodes above and below: those of the row itself, or of the half cell before it. */
-    const int upper = row / NODE_PX + (down >= 1.0f), first = left / NODE_PX;
-    const float part = down >= 1.0f ? down - 1.0f : down;
+    const struct between_rows rows = between_rows(row);
+    const int first = left / NODE_PX;
     float x[LINE_PX] = {0}, y[LINE_PX] = {0};
     for (int axis = 0; axis < 2; axis++) {
         const float *nodes = axis ? map->y : map->x;
         float here[LINE_PX / NODE_PX + 2];
         for (int k = 0; k < LINE_PX / NODE_PX + 2 && k * NODE_PX < count + NODE_PX + NODE_PX / 2; k++) {
-            const float *above = nodes + upper * map->stride + (first + k) * map->step, *below = above + map->stride;
-            here[k] = *above + part * (*below - *above);
+            const float *above = nodes + rows.upper * map->stride + (first + k) * map->step, *below = above + map->stride;
+            here[k] = *above + rows.part * (*below - *above);
         }
         float *places_of = axis ? y : x;
         for (int k = 0; k * NODE_PX < count + NODE_PX / 2; k++) {
@@ -191,7 +175,7 @@ AVX2 static inline void draw_four(
     memcpy(drawn + sizeof eight, &rest, sizeof rest);
 }
 
-AVX2 static void draw_line(
+AVX2 void draw_line(
     const struct image *image, const struct places *places, int count, const int16_t *weights, int beyond,
     uint8_t *drawn) {
     const int last_column = image->width - LOADED_PX, last_row = image->height - 4;

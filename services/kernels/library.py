@@ -37,6 +37,26 @@ class Map(ctypes.Structure):
     )
 
 
+class KernelPatch(ctypes.Structure):
+    """`struct patch` of `patches.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("nodes", "cells", "total")),
+        ("total_stride", ctypes.c_ssize_t),
+        *((name, ctypes.c_int32) for name in ("columns", "values", "cell_columns", "side")),
+    )
+
+
+class CellMaps(ctypes.Structure):
+    """`struct cells` of `patches.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("gray", "covered", "energy")),
+        ("stride", ctypes.c_ssize_t),
+        *((name, ctypes.c_int32) for name in ("rows", "columns", "side")),
+    )
+
+
 class SheetTables(ctypes.Structure):
     """`struct sheet` of `surface.h`."""
 
@@ -92,6 +112,34 @@ class MeshNodes(ctypes.Structure):
     )
 
 
+class Edges(ctypes.Structure):
+    """`struct edges` of `strokes.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("at", "x", "y")),
+        ("count", ctypes.c_ssize_t),
+    )
+
+
+class Sampled(ctypes.Structure):
+    """`struct sampled` of `strokes.c`."""
+
+    _fields_ = (
+        ("strengths", ctypes.c_void_p),
+        *((name, ctypes.c_ssize_t) for name in ("count", "step", "left")),
+    )
+
+
+class Field(ctypes.Structure):
+    """`struct field` of `strokes.c`."""
+
+    _fields_ = (
+        ("doubled", ctypes.c_void_p),
+        *((name, ctypes.c_int32) for name in ("rows", "columns")),
+        *((name, ctypes.c_double) for name in ("x", "y", "spacing")),
+    )
+
+
 class Search(ctypes.Structure):
     """`struct search` of `mesh.c`."""
 
@@ -101,20 +149,28 @@ class Search(ctypes.Structure):
     )
 
 
-_ADDRESS, _SIZE, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int, ctypes.c_double
+_ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, SheetTables, SheetPoints))
 _ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, MeshNodes, Search))
+_EDGES, _SAMPLED, _FIELD = map(ctypes.POINTER, (Edges, Sampled, Field))
+_FLOAT, _DOUBLE = ctypes.c_float, ctypes.c_double
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
+    "blend_patch": (_IMAGE, _IMAGE, _ADDRESS, ctypes.POINTER(KernelPatch)),
     "draw_by_map": _DRAW,
     "draw_between_nodes": _DRAW,
     "draw_by_homography": _DRAW,
+    "add_deviations": (*(_ADDRESS,) * 4, _SIZE, _FIELD, _DOUBLE, _DOUBLE, _SIZE, _ADDRESS),
     "add_products": (_ROWS, _ADDRESS, _ADDRESS, _EQUATIONS),
     "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "cross_lines": (_EDGES, _INT, _FLOAT, _SIZE, _FIELD, _FLOAT, *(_ADDRESS,) * 3),
+    "find_edges": (_IMAGE, _ADDRESS, _INT, _INT, _ADDRESS, _ADDRESS, _FLOAT, _EDGES, _SAMPLED),
+    "gather_blocks": (_ADDRESS, _ADDRESS, _SIZE, _DOUBLE, _INT, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
+    "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "piece_costs": (*(_ADDRESS,) * 2, _SIZE, *(_ADDRESS,) * 2, _SIZE, _ADDRESS, _SIZE, _DOUBLE, _ADDRESS),
     "polygon_distances": (_ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
@@ -123,7 +179,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "measure_steps": (_ADDRESS, *(_SIZE,) * 6, _ADDRESS, _ADDRESS),
     "sample_profiles": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
     "score_rays": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _ADDRESS, _SIZE, _SIZE, *(_DOUBLE,) * 2, _ADDRESS),
-    "see_points": (_SHEET, _ADDRESS, _SIZE, ctypes.c_double, _ADDRESS),
+    "see_points": (_SHEET, _ADDRESS, _SIZE, _DOUBLE, _ADDRESS),
     "smooth_colors": (_ADDRESS, _ADDRESS),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "unroll_points": (_SHEET, _POINTS),
@@ -149,7 +205,8 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
-    library.measure_band.restype = _SIZE
+    for name in ("cross_lines", "measure_band"):
+        getattr(library, name).restype = _SIZE
     return library if library.usable() else None
 
 

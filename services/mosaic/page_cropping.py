@@ -13,13 +13,13 @@ from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.node_grid import MAX_REDUCTION, between_nodes, continuous_nodes, node_grid, take_values
 from services.imaging.paper import PaperParameters, model_paper
-from services.imaging.reduction import reduce_image
+from services.imaging.reduction import average_areas, reduce_image
 from services.mosaic.flat_photo import FlatPhoto
 from services.mosaic.placed_photo import PlacedPhoto
 from services.rectify.analysis.found_text import AnalysisParameters
 from services.rectify.view.outside_text import is_outside_text, of_text_height
 from services.sheet.plane.flat_photo import PhotoAsPage
-from services.texture_flow.text_identification import FEWEST_CHARACTERS, identify_text
+from services.texture_flow.text_identification import FEWEST_CHARACTERS, IdentifiedText, identify_text
 
 # Lengths are cells, which are pixels of a page reduced to `LONG_SIDE_PX`, or shares of the page.
 LONG_SIDE_PX = 600
@@ -104,11 +104,11 @@ def see_sheet(placed: Sequence[PlacedPhoto], width: int, height: int) -> PageCel
             for places in (nodes_flat, nodes_photo)
         )
         shown = _take_nearest(photo.flat.shown.view(np.uint8), flat, cv2.BORDER_CONSTANT) > 0
-        beyond = shown & np.isnan(at).any(axis=2)  # next to where the sheet's model ends
+        beyond = shown & np.isnan(at[..., 0])  # next to where the sheet's model ends
         if beyond.any():
             at[beyond] = photo.flat.to_photo(flat[beyond].astype(np.float64))
         view = _take_nearest(*_blank_photo(photo.flat.photo, at), cv2.BORDER_REPLICATE)
-        views.append(np.where(shown[..., None], np.maximum(view, 1), 0).astype(np.uint8))
+        views.append(np.asarray(cv2.copyTo(np.maximum(view, np.uint8(1)), shown.view(np.uint8)), np.uint8))
         votes[0] += shown
         votes[1] += 2 * (shown & _on_sheet(photo.flat, at))
     seen = votes[0] > 0
@@ -131,14 +131,13 @@ def find_page_crop(page: RgbImage, cells: PageCells) -> PageCrop:
     """
     height, width = page.shape[:2]
     factor = cells.seen.shape[1] / width
-    paper, printed = _paper_of_page(page, cells.seen)
     edges: Floats = np.zeros((0, 3))
     if not cells.are_pages:
+        reduced = _reduce_page(page, cells.seen)
+        paper = _paper_of_page(reduced, cells.seen.shape)
         edges = _find_edges(PageCells(cells.seen, cells.paper & paper, cells.views))
-    if printed:
-        dark, light = (centres @ edges[:, :2].T + edges[:, 2] < 0 for centres in printed)
-        counts = zip(dark.sum(axis=0).tolist(), light.sum(axis=0).tolist(), strict=True)
-        edges = edges[[not is_outside_text(of_dark, of_light, len(dark)) for of_dark, of_light in counts]]
+        if len(edges) and reduced.has_text:
+            edges = edges[~_cuts_text(reduced, edges)]
     kept = cells.seen & _within(edges, cells.seen.shape)
     if not kept.any():
         return PageCrop(0, 0, width, height, np.zeros((0, 3)))
@@ -188,35 +187,68 @@ def _take_nearest(image: NDArray[np.uint8], at: NDArray[np.float32], border: int
     return np.asarray(take_values(image, np.asarray(at, np.float32), cv2.INTER_NEAREST, border), np.uint8)
 
 
-def _paper_of_page(page: RgbImage, seen: Mask) -> tuple[Mask, list[Points]]:
-    """Cells of the page that are paper (all if no background is found, or no text), and points of print in cells.
+@dataclass(frozen=True, slots=True, eq=False)
+class _ReducedPage:
+    """The page `image` (h, w, 3) at the size of analysis, where it is `shown` (h, w) 0/1, in `gray`, and its text.
 
-    The points include dark and light print, on paper or elsewhere.
+    A pixel is `cells_per_px` cells.
     """
+
+    image: RgbImage
+    shown: NDArray[np.uint8]
+    gray: NDArray[np.uint8]
+    text: IdentifiedText
+    cells_per_px: float
+
+    @property
+    def has_text(self) -> bool:
+        """Whether there is enough of it to know paper and the size of print by."""
+        return len(self.text.components.centres) >= FEWEST_CHARACTERS
+
+    def to_cells(self, pixels: Points) -> Points:
+        """Cells (N, 2) of pixels (N, 2)."""
+        return to_resized(pixels, self.cells_per_px)
+
+
+def _reduce_page(page: RgbImage, seen: Mask) -> _ReducedPage:
     factor = min(1.0, AnalysisParameters().long_side_px / max(page.shape[:2]))
     size = (max(round(page.shape[1] * factor), 1), max(round(page.shape[0] * factor), 1))
-    small = np.asarray(cv2.resize(page, size, interpolation=cv2.INTER_AREA), np.uint8)
+    small = average_areas(page, *size)
+    shown = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     gray = luminance(small)
     text = identify_text(flatten_illumination(gray))
-    characters = text.components.centres
-    if len(characters) < FEWEST_CHARACTERS:
-        return np.ones(seen.shape, bool), []
+    return _ReducedPage(small, np.asarray(shown, np.uint8), gray, text, seen.shape[1] / size[0])
+
+
+def _paper_of_page(page: _ReducedPage, shape: tuple[int, ...]) -> Mask:
+    """Cells of the page that are paper; all if no background is found, or no text."""
+    if not page.has_text:
+        return np.ones(shape, bool)
     # Areas that no photo shows are white, but not paper.
-    mask = cv2.resize(seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    negative = flatten_illumination(np.where(mask > 0, 255 - gray, 0).astype(np.uint8))
-    printed = [
-        (of_text_height(found.components, text.text_height_px) + 0.5) * seen.shape[1] / size[0] - 0.5
-        for found in (text, identify_text(negative))
-    ]
-    small = np.asarray(cv2.bitwise_and(small, small, mask=mask), np.uint8)
-    sizes = PaperParameters(long_side_px=LONG_SIDE_PX)
-    outline = model_paper(small, characters, sizes).outline(characters, sizes)
+    shown = np.asarray(cv2.bitwise_and(page.image, page.image, mask=page.shown), np.uint8)
+    sizes, characters = PaperParameters(long_side_px=LONG_SIDE_PX), page.text.components.centres
+    outline = model_paper(shown, characters, sizes).outline(characters, sizes)
     if outline is None:
-        return np.ones(seen.shape, bool), printed
-    cells = np.round((outline + 0.5) * seen.shape[1] / size[0] - 0.5).astype(np.int32)
-    paper = np.zeros(seen.shape, np.uint8)
-    cv2.fillPoly(paper, [cells], (1,))
-    return np.asarray(paper > 0), printed
+        return np.ones(shape, bool)
+    paper = np.zeros(shape, np.uint8)
+    cv2.fillPoly(paper, [np.round(page.to_cells(outline)).astype(np.int32)], (1,))
+    return np.asarray(paper > 0)
+
+
+def _cuts_text(page: _ReducedPage, edges: Floats) -> Mask:
+    """Which of the `edges` (K,) have text beyond them, dark or light, on paper or elsewhere."""
+
+    def beyond(text: IdentifiedText) -> Mask:
+        centres = page.to_cells(of_text_height(text.components, page.text.text_height_px))
+        return np.asarray(centres @ edges[:, :2].T + edges[:, 2] < 0)
+
+    dark = beyond(page.text)
+    cut = np.array([is_outside_text(count, 0, len(dark)) for count in dark.sum(axis=0).tolist()])
+    if cut.all():
+        return cut
+    negative = flatten_illumination(np.where(page.shown > 0, 255 - page.gray, 0).astype(np.uint8))
+    light = beyond(identify_text(negative))
+    return cut | [is_outside_text(0, count, len(dark)) for count in light.sum(axis=0).tolist()]
 
 
 def _find_edges(cells: PageCells) -> Floats:

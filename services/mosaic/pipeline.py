@@ -51,7 +51,8 @@ from services.progress import report_progress
 from services.rectify.analysis.found_text import STROKE_TEXT_HEIGHT_PX
 from services.rectify.results import Orientation
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.orientation import apply_orientation, tell_orientation
+from services.rectify.view.orientation import tell_orientation
+from services.rectify.view.turned_image import apply_orientation
 
 FLATTENED = 0.4
 STAGE_BEGINS = {

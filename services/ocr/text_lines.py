@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import GrayImage
-from services.imaging.components import label_components
+from services.arrays import Floats, GrayImage
+from services.imaging.components import label_components, runs_along_rows
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import PRINT_PX, reduce_image
 
@@ -231,20 +232,25 @@ def _lines_along_rows(
     joined = cv2.morphologyEx(ink, cv2.MORPH_CLOSE, np.ones((1, gap), np.uint8))
     count, joined_labels = cv2.connectedComponents(joined, connectivity=4)
     labels = np.asarray(joined_labels, dtype=np.int32)
-    at = np.flatnonzero(ink.view(np.bool_))
-    y, x = np.divmod(at, ink.shape[1])
-    label = labels.ravel()[at]
+    # All is measured by runs along rows, a quarter as many as pixels: their sums are known, extremes are at their ends.
+    y, first, last = runs_along_rows(ink.view(np.bool_))
+    label, length, middle = labels[y, first], last - first + 1, (first + last) / 2
+
+    def summed(values: NDArray[Any]) -> Floats:
+        return np.asarray(np.bincount(label, values, count))
+
     # Level every component: regression of y on x from its moments.
-    n = np.maximum(np.bincount(label, minlength=count), 1).astype(np.float64)
-    mean_x = np.bincount(label, x, count) / n
-    mean_y = np.bincount(label, y, count) / n
-    dx, dy = x - mean_x[label], y - mean_y[label]
-    slope = np.bincount(label, dx * dy, count) / np.maximum(np.bincount(label, dx * dx, count), 1e-9)
-    residual = dy - slope[label] * dx
+    n = np.maximum(summed(length), 1.0)
+    mean_x, mean_y = summed(length * middle) / n, summed(length * y) / n
+    dx, dy = middle - mean_x[label], y - mean_y[label]
+    variance = dx * dx + (length * length - 1) / 12
+    slope = summed(length * dx * dy) / np.maximum(summed(length * variance), 1e-9)
     edges = np.zeros((count, 4))
-    for column, values in ((0, dx), (1, residual)):
-        np.minimum.at(edges[:, column], label, values)
-        np.maximum.at(edges[:, column + 2], label, values)
+    for end in (first, last):
+        end_dx = end - mean_x[label]
+        for column, values in ((0, end_dx), (1, dy - slope[label] * end_dx)):
+            np.minimum.at(edges[:, column], label, values)
+            np.maximum.at(edges[:, column + 2], label, values)
     width, height = edges[:, 2] - edges[:, 0] + 1, edges[:, 3] - edges[:, 1] + 1
     fill = n / (width * height)
     low, high = (limit * height_px for limit in _HEIGHT_RANGE)
@@ -257,7 +263,7 @@ def _lines_along_rows(
         & (np.abs(slope) <= _LARGEST_SLOPE)
     )
     is_line[0] = False
-    strokes = np.bincount(label, ink[y, np.maximum(x - 1, 0)] == 0, count) / width
+    strokes = summed(first > 0) / width
     mass = float(np.sum((width**2 * np.minimum(strokes, 1.0))[is_line])) / max(ink.shape) ** 2
     # Residuals are from the slope through the mean; the box is levelled about its own centre.
     shift_y = mean_y + slope * (edges[:, 0] + edges[:, 2]) / 2

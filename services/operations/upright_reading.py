@@ -14,7 +14,8 @@ from services.ocr.printed_words import NOT_KNOWN, PrintedWords
 from services.ocr.softer_reading import improved, read_best, read_within
 from services.operations.page_reading import LIMIT_S, READING_CUT, read_in_time
 from services.rectify.results import Orientation
-from services.rectify.view.orientation import apply_orientation, estimate_orientation
+from services.rectify.view.orientation import estimate_orientation
+from services.rectify.view.turned_image import apply_orientation
 from services.text.printed_places import printed_on_page
 
 READS_WELL = 0.6

@@ -10,7 +10,7 @@ from services.errors import NoText
 from services.geometry.page_frame import mesh_of, turn_frame
 from services.notices import Notice
 from services.rectify.results import CameraEstimate, Evidence, Orientation, RectifyResult
-from services.rectify.view.orientation import apply_orientation
+from services.rectify.view.turned_image import apply_orientation
 from services.rectify.view.view_plan import PlannedView, ViewPlan
 from services.sheet.plane.framing import FlatFrame
 from services.sheet.surfaces import PlaneSurface

@@ -23,7 +23,8 @@ from services.rectify.pipeline import STAGE_BEGINS, flatten_page, rectify
 from services.rectify.results import Orientation, RectifyResult
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.stage_clock import StageClock
-from services.rectify.view.orientation import LEAST_CONFIDENCE, apply_orientation
+from services.rectify.view.orientation import LEAST_CONFIDENCE
+from services.rectify.view.turned_image import apply_orientation
 
 ORIENTATION_UNKNOWN = "orientation-unknown"
 ONE_PAGE = Notice("one-page", "both pages were asked for, and the photo shows the text of one page.")

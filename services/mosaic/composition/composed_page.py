@@ -8,17 +8,17 @@ import numpy as np
 
 from services.arrays import GrayImage, RgbImage
 from services.contract.mosaic import Composition
+from services.mosaic.composition.patch_blending import blend_patch
 from services.mosaic.composition.patch_drawing import (
     DrawablePatch,
+    FloatMap,
     Rectangle,
-    draw_patch,
-    map_patch,
+    map_nodes,
     prepare_patch,
 )
 from services.mosaic.composition.sharpness import (
     TILE_PX,
     CellGrid,
-    FloatMap,
     PatchMaps,
     choose_cells,
     measure_patch,
@@ -111,28 +111,16 @@ def _draw_tile(
     into: RgbImage,
 ) -> None:
     """Draw the weighted mean in one tile. Only the part of a photo with a positive weight is drawn."""
-    parts = []
+    total = np.zeros(into.shape[:2], np.float32)
     for patch, box, weight in zip(patches, boxes, weights, strict=True):
         part = _weighted_part(box, weight, grid.cells(tile))
         pixels = grid.pixels(part).meet(tile)
         if pixels.width == 0 or pixels.height == 0:
             continue
-        found = map_patch(patch, pixels)
-        if found is None:
-            continue
-        share = _enlarge(box, weight, part, grid, pixels)
-        share[found.covered == 0] = 0
-        parts.append((draw_patch(patch, found), share, pixels.within(tile)))
-    total = np.zeros(into.shape[:2], np.float32)
-    for number, (drawn, share, at) in enumerate(parts):
-        mixed = cv2.blendLinear(into[at], drawn, total[at], share) if number else drawn
-        into[at] = cv2.copyTo(mixed, _positive(share), into[at])
-        total[at] += share
-
-
-def _positive(values: FloatMap) -> GrayImage:
-    """Mask of the positive values."""
-    return np.asarray(values > 0).view(np.uint8)
+        nodes = map_nodes(patch, pixels)
+        if nodes is not None:
+            at = pixels.within(tile)
+            blend_patch(patch, nodes, _cells_around(box, weight, part), grid.side, into[at], total[at])
 
 
 def _weighted_part(box: Rectangle, weight: GrayImage, cells: Rectangle) -> Rectangle:
@@ -146,14 +134,10 @@ def _weighted_part(box: Rectangle, weight: GrayImage, cells: Rectangle) -> Recta
     return Rectangle(reach.left + x - 1, reach.top + y - 1, width + 2, height + 2).meet(cells)
 
 
-def _enlarge(
-    box: Rectangle, weight: GrayImage, part: Rectangle, grid: CellGrid, pixels: Rectangle
-) -> FloatMap:
-    """Weights (H, W) at `pixels`, which begin at the start of `part`; bilinear between the cells' centres."""
+def _cells_around(box: Rectangle, weight: GrayImage, part: Rectangle) -> FloatMap:
+    """Weights of `part` and of one cell more on each side; 0 outside of the photo's box."""
     around = Rectangle(part.left - 1, part.top - 1, part.width + 2, part.height + 2)
     cells = np.zeros((around.height, around.width), np.float32)
     known = around.meet(box)
     cells[known.within(around)] = weight[known.within(box)]
-    size = (around.width * grid.side, around.height * grid.side)
-    dense = cv2.resize(cells, size, interpolation=cv2.INTER_LINEAR)
-    return np.ascontiguousarray(dense[grid.side :, grid.side :][: pixels.height, : pixels.width])
+    return cells

@@ -16,13 +16,15 @@ from services.imaging.node_grid import (
     continuous_nodes,
     node_grid,
     positive_between,
-    take_values,
 )
 from services.imaging.reduction import LARGEST_STEP
 from services.mosaic.flat_photo import RIM_PX
 from services.mosaic.light.canvas import OUTSIDE_PX
 from services.mosaic.light.tones import apply_tones, tone_factors
 from services.mosaic.placed_photo import PlacedPhoto
+
+FloatMap = NDArray[np.float32]
+"""(H, W, ...) of pixels, or of cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,17 +79,28 @@ class DrawablePatch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PatchNodes:
+    """Values (rows, columns, ...) float32 at the nodes of a rectangle of the mosaic, see `node_grid`.
+
+    `source` (..., 2) are source pixels; `inside` (..., 4) are distances from the borders of the photo and of its flat
+    view, of which one is negative where the photo shows nothing; `flat` (rows * columns, 2) are flat pixels.
+    """
+
+    source: NDArray[np.float32]
+    inside: NDArray[np.float32]
+    flat: Points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class PatchMap:
     """Source points of a rectangle of the mosaic.
 
-    `source` (H, W, 2) float32 are source pixels; `covered` (H, W) is 255 where the photo shows the page, 0 elsewhere;
-    `flat_nodes` (N, 2) are flat pixels of the nodes, in `shape` rows and columns.
+    `source` (H, W, 2) float32 are source pixels; `covered` (H, W) is 255 where the photo shows the page, 0 elsewhere.
     """
 
     source: NDArray[np.float32]
     covered: GrayImage
-    flat_nodes: Points
-    shape: tuple[int, int]
+    nodes: PatchNodes
 
 
 def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch:
@@ -111,10 +124,9 @@ def prepare_patch(placed: PlacedPhoto, width: int, height: int) -> DrawablePatch
     return DrawablePatch(placed, source, factor, box, is_toned)
 
 
-def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
-    """Source points of `rectangle` of the mosaic; None if the photo shows nothing of it."""
-    width, height = rectangle.width, rectangle.height
-    nodes, shape = node_grid(rectangle.left, rectangle.top, width, height)
+def map_nodes(patch: DrawablePatch, rectangle: Rectangle) -> PatchNodes | None:
+    """Where `rectangle` of the mosaic is seen, at its nodes; None if the photo shows nothing of it."""
+    nodes, shape = node_grid(rectangle.left, rectangle.top, rectangle.width, rectangle.height)
     flat = patch.placed.placement.to_flat(nodes)
     photo = patch.placed.flat.to_photo(flat)
     known = continuous_nodes(photo.reshape(*shape, 2), MAX_REDUCTION)
@@ -123,8 +135,7 @@ def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
         return None
     photo_size, flat_size = np.array(patch.placed.flat.photo.shape[1::-1]), np.array(patch.placed.flat.size)
     scale = np.array(patch.source.shape[1::-1]) / photo_size
-    source_nodes = to_resized(np.where(known.reshape(-1, 1), photo, OUTSIDE_PX), scale)
-    source = between_nodes(source_nodes.reshape(*shape, 2).astype(np.float32), width, height)
+    source = to_resized(np.where(known.reshape(-1, 1), photo, OUTSIDE_PX), scale)
     # Distances from the photo's border and, to the ends of its pixels, from that of the flat view.
     inside = np.hstack(
         [
@@ -133,20 +144,27 @@ def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
         ]
     ).reshape(*shape, 4)
     inside[~known] = OUTSIDE_PX
-    shown = positive_between(inside, width, height)
+    if (inside.max(axis=(0, 1)) < 0).any():
+        return None
+    return PatchNodes(
+        source.reshape(*shape, 2).astype(np.float32),
+        inside.astype(np.float32),
+        np.where(np.isfinite(flat), flat, 0.0),
+    )
+
+
+def map_patch(patch: DrawablePatch, rectangle: Rectangle) -> PatchMap | None:
+    """Source points of `rectangle` of the mosaic; None if the photo shows nothing of it."""
+    nodes = map_nodes(patch, rectangle)
+    return None if nodes is None else map_between(nodes, rectangle.width, rectangle.height)
+
+
+def map_between(nodes: PatchNodes, width: int, height: int) -> PatchMap | None:
+    """Source points between `nodes`, of `width` x `height` pixels; None if the photo shows nothing there."""
+    shown = positive_between(nodes.inside, width, height)
     if not shown.any():
         return None
-    covered = shown.view(np.uint8) * np.uint8(255)
-    return PatchMap(source, covered, np.where(np.isfinite(flat), flat, 0.0), shape)
-
-
-def draw_gray_patch(gray_source: GrayImage, patch_map: PatchMap) -> GrayImage:
-    """The patch in gray, from the gray source. Outside of the photo its border is repeated, to avoid false edges.
-
-    Bilinear: sharpness is compared over whole words, in which all fractions of pixels occur.
-    """
-    drawn = take_values(gray_source, patch_map.source, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE)
-    return np.asarray(drawn, np.uint8)
+    return PatchMap(between_nodes(nodes.source, width, height), shown.view(np.uint8) * np.uint8(255), nodes)
 
 
 def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
@@ -157,8 +175,15 @@ def draw_patch(patch: DrawablePatch, patch_map: PatchMap) -> RgbImage:
     if not patch.is_toned:
         return drawn
     height, width = drawn.shape[:2]
-    coefficients = patch.placed.tones.at(patch_map.flat_nodes).reshape(*patch_map.shape, 6)
-    return apply_tones(drawn, [between_nodes(plane, width, height) for plane in tone_factors(coefficients)])
+    return apply_tones(
+        drawn, [between_nodes(plane, width, height) for plane in tones_at(patch, patch_map.nodes)]
+    )
+
+
+def tones_at(patch: DrawablePatch, nodes: PatchNodes) -> list[NDArray[np.float32]]:
+    """The five factors of `apply_tones`, each (rows, columns), at the nodes."""
+    rows, columns = nodes.source.shape[:2]
+    return tone_factors(patch.placed.tones.at(nodes.flat).reshape(rows, columns, 6))
 
 
 def _outline(shown: GrayImage) -> Points:

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from services.arrays import GrayImage
 from services.imaging.channels import luminance
-from services.mosaic.composition.patch_drawing import DrawablePatch, Rectangle, draw_gray_patch, map_patch
-
-FloatMap = NDArray[np.float32]
-
+from services.mosaic.composition.cell_measures import CellMeasures, measure_cells
+from services.mosaic.composition.patch_drawing import DrawablePatch, FloatMap, Rectangle, map_nodes
 
 # Lengths in text heights; brightness relative to the bare paper.
 CELLS_PER_TEXT_HEIGHT = 9.0
@@ -109,9 +106,7 @@ def choose_cells(width: int, height: int, text_height_px: float) -> CellGrid:
 def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
     """The maps of one photo, measured in gray, tile by tile."""
     box = grid.cells(patch.box)
-    shape = (box.height, box.width)
-    covered, gray = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
-    energy = np.zeros((*shape, 2), np.float32)
+    measured = CellMeasures.nothing(box.height, box.width)
     gray_source = luminance(patch.source)
     step = max(TILE_PX // grid.side, 1)
     for top in range(box.top, box.bottom, step):
@@ -119,22 +114,15 @@ def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
             cells = Rectangle(left, top, step, step).meet(box)
             tile = grid.pixels(cells)
             # One extra pixel on each side, for the gradient.
-            found = map_patch(patch, Rectangle(tile.left - 1, tile.top - 1, tile.width + 2, tile.height + 2))
-            if found is None:
-                continue
-            at, size = cells.within(box), (cells.width, cells.height)
-            drawn = draw_gray_patch(gray_source, found)
-            inner = np.ascontiguousarray(drawn[1:-1, 1:-1])
-            gray[at] = cv2.resize(inner, size, interpolation=cv2.INTER_AREA)
-            energy[at] = _squared_gradient(drawn, size)
-            whole = np.ascontiguousarray(found.covered[1:-1, 1:-1])
-            covered[at] = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
+            nodes = map_nodes(patch, Rectangle(tile.left - 1, tile.top - 1, tile.width + 2, tile.height + 2))
+            if nodes is not None:
+                measure_cells(gray_source, nodes, grid.side, measured.part(cells.within(box)))
     for part in (patch.placed.hidden, patch.placed.yielding):
         if part is not None and part.cells.any():
             first = grid.pixels(box)
             there = part.over(first.left, first.top, grid.side, box.width, box.height)
-            covered[there] = np.minimum(covered[there], HIDDEN)
-    return _relate_to_paper(box, covered, gray, energy, grid.text_height)
+            measured.covered[there] = np.minimum(measured.covered[there], HIDDEN)
+    return _relate_to_paper(box, measured, grid.text_height)
 
 
 def compare_sharpness(maps: PatchMaps, ink: GrayImage, text_height: float) -> FloatMap:
@@ -158,23 +146,9 @@ def print_sharpness(maps: PatchMaps) -> float:
     return float(np.prod(maps.energy[printed].mean(axis=0)) ** 0.25) if printed.any() else 0.0
 
 
-def _squared_gradient(gray: GrayImage, size: tuple[int, int]) -> FloatMap:
-    """Mean squared gradients (rows, columns, 2), across and down (Sobel), of `gray` without its outermost pixels.
-
-    `size` is the number of columns and of rows of cells over which they are averaged.
-    """
-    means = []
-    for x, y in ((1, 0), (0, 1)):
-        slope = cv2.Sobel(gray, cv2.CV_16S, x, y)[1:-1, 1:-1]
-        squared = cv2.multiply(slope, slope, scale=1 / 64, dtype=cv2.CV_32F)
-        means.append(cv2.resize(squared, size, interpolation=cv2.INTER_AREA))
-    return np.asarray(cv2.merge(means), np.float32)
-
-
-def _relate_to_paper(
-    box: Rectangle, covered: GrayImage, gray: GrayImage, energy: FloatMap, text_height: float
-) -> PatchMaps:
+def _relate_to_paper(box: Rectangle, measured: CellMeasures, text_height: float) -> PatchMaps:
     """Brightness and gradients relative to the paper, so that light and exposure have no effect."""
+    covered, gray, energy = measured.covered, measured.gray, measured.energy
     if covered.size == 0:
         return PatchMaps(box, covered, gray, energy, energy[..., 0])
     shown = covered == 255

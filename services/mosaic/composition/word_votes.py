@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Mask
 from services.imaging.components import label_components
-from services.mosaic.composition.patch_drawing import Rectangle
-from services.mosaic.composition.sharpness import FloatMap, PatchMaps, compare_sharpness
+from services.mosaic.composition.patch_drawing import FloatMap, Rectangle
+from services.mosaic.composition.sharpness import PatchMaps, compare_sharpness
 
 Labels = NDArray[np.int16]
 """(rows, columns) index of a photo in the input sequence, -1 where no photo shows anything."""

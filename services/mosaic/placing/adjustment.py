@@ -6,7 +6,7 @@ Residuals are measured in the photos' own pixels, so that neither the world fram
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -116,7 +116,7 @@ def adjust_globally(
         off = k in _suspects(bundle, solution, CONTRADICTED_WEIGHT)
         adjusted.append(AdjustedPair(pair.a, pair.b, float(weight), bool(off)))
     # The world frame is the view of a photo of the best pair, to about a pixel.
-    root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
+    root = int(bundle.ends[int(np.argmax(bundle.evidence)), 0])
     H_world = np.linalg.inv(maps[root] @ bundle.normalisations[root])
     H_world_flat = {}
     for k, photo in enumerate(photos):
@@ -190,14 +190,9 @@ def _as_frontal_as_known(
 
 def _disagreement(bundle: Bundle, maps: Floats, widths: Vector) -> float:
     """Cauchy loss of all pairs. Matches of one pair are right or wrong together, so n of them count as sqrt(n)."""
-    losses = []
-    for distances, width, confidence in zip(
-        transfer_distances(bundle, maps), widths, bundle.confidences, strict=True
-    ):
-        losses.append(
-            float((confidence * np.log1p((distances / width) ** 2)).sum() / np.sqrt(len(distances)))
-        )
-    return sum(losses)
+    distances = transfer_distances(bundle, maps)
+    losses = bundle.confidences * np.log1p((distances / widths[bundle.pair]) ** 2)
+    return sum(float(each.sum() / np.sqrt(len(each))) for each in bundle.of_pairs(losses))
 
 
 def _suspects(bundle: Bundle, solution: BundleSolution, weight: float) -> list[int]:
@@ -209,10 +204,9 @@ def _suspects(bundle: Bundle, solution: BundleSolution, weight: float) -> list[i
 
 def _graph(bundle: Bundle, count: int, left_out: frozenset[int]) -> csr_array:
     """Graph (count, count) of the photos with the pairs that are not left out; more evidence gives a shorter edge."""
-    ends = np.array([(first.target, first.source) for first, _ in bundle.halves])
-    kept = np.array([k not in left_out for k in range(len(ends))])
+    kept = np.array([k not in left_out for k in range(len(bundle.ends))])
     lengths = 1.0 / (1.0 + bundle.evidence[kept])
-    return csr_array((lengths, (ends[kept, 0], ends[kept, 1])), shape=(count, count))
+    return csr_array((lengths, tuple(bundle.ends[kept].T)), shape=(count, count))
 
 
 def _connected(bundle: Bundle, count: int, left_out: frozenset[int]) -> bool:
@@ -222,12 +216,11 @@ def _connected(bundle: Bundle, count: int, left_out: frozenset[int]) -> bool:
 def _chain(bundle: Bundle, count: int, left_out: frozenset[int]) -> Floats:
     """Initial maps (count, 3, 3) along the spanning tree of the strongest evidence."""
     tree = minimum_spanning_tree(_graph(bundle, count, left_out))
-    root = bundle.halves[int(np.argmax(bundle.evidence))][0].target
+    root = int(bundle.ends[int(np.argmax(bundle.evidence)), 0])
     order, parents = breadth_first_order(tree, root, directed=False)
     if len(order) < count:
         raise ValueError("the pairs do not connect the photos")
-    ends = [(first.target, first.source) for first, _ in bundle.halves]
-    between = dict(zip(ends, bundle.initial, strict=True))
+    between = dict(zip(map(tuple, bundle.ends.tolist()), bundle.initial, strict=True))
     maps = np.tile(np.eye(3), (count, 1, 1))
     for k in order[1:]:
         parent = int(parents[k])
@@ -239,8 +232,6 @@ def _chain(bundle: Bundle, count: int, left_out: frozenset[int]) -> Floats:
 
 def _own_deviation(bundle: Bundle, k: int) -> float:
     """Standard deviation of a pair's matches from its own best homography, common pixels."""
-    first = bundle.halves[k][0]
-    pair = replace(bundle, halves=(bundle.halves[k],), confidences=(bundle.confidences[k],))
     maps = np.tile(np.eye(3), (len(bundle.units), 1, 1))
-    maps[first.source] = bundle.initial[k]
-    return solve_bundle(pair, maps, np.zeros(1), most_steps=OWN_STEPS).deviation_px
+    maps[bundle.ends[k, 1]] = bundle.initial[k]
+    return solve_bundle(bundle.only(k), maps, np.zeros(1), most_steps=OWN_STEPS).deviation_px

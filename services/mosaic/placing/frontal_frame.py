@@ -8,6 +8,7 @@ so the page's frame is the one in which all views together are closest to simila
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -126,13 +127,20 @@ def _outline(shown: Mask) -> Points:
     """First and last shown pixels (N, 2) of every row and column; they contain all corners of the shown part."""
     if not shown.any():
         shown = np.ones_like(shown)
-    height, width = shown.shape
-    rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
-    left, right = shown[rows].argmax(axis=1), width - 1 - shown[rows, ::-1].argmax(axis=1)
-    top, bottom = shown[:, columns].argmax(axis=0), height - 1 - shown[::-1, columns].argmax(axis=0)
+    # Along rows of bytes the first one is found at once, along columns one by one.
+    rows, left, right = _ends(shown.view(np.uint8))
+    columns, top, bottom = _ends(np.asarray(cv2.transpose(shown.view(np.uint8)), np.uint8))
     x = np.concatenate([left, right, columns, columns])
     y = np.concatenate([rows, rows, top, bottom])
     return np.stack([x, y], axis=1).astype(np.float64)
+
+
+def _ends(shown: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Rows (N,) of `shown` (h, w) 0/1 with anything, and the first and last column of each."""
+    first = shown.view(np.bool_).argmax(axis=1)
+    last = shown.shape[1] - 1 - np.asarray(cv2.flip(shown, 1)).view(np.bool_).argmax(axis=1)
+    rows = np.flatnonzero(shown[np.arange(len(shown)), first])
+    return rows, first[rows], last[rows]
 
 
 def _view(outline: Points, H_world_flat: Homography, points: int = 7) -> ViewInWorld:

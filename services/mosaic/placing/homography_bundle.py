@@ -53,30 +53,31 @@ class BundleSolution:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Half:
-    """One direction of a pair: matches (N, 2) of photos `source` and `target`, normalised."""
-
-    source: int
-    target: int
-    x: Points
-    y: Points
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Bundle:
-    """The matches of all pairs, normalised (Hartley): a view's centre is 0 and half its diagonal 1."""
+    """The matches of all pairs (K), normalised (Hartley): a view's centre is 0 and half its diagonal 1.
+
+    Attributes
+    ----------
+    normalisations : of each photo, flat pixels -> normalised.
+    ends : (K, 2) photos a and b of each pair.
+    starts : (K + 1,) where the matches of each pair begin; the last one is their number N.
+    points : (2, N, 2) matches on a, and on b.
+    confidences : (N,) of the matches.
+    initial : normalised `H_a_b` of each pair.
+    units : pixels of the common resolution per normalised unit, for each photo.
+    evidence : (K,) of the pairs.
+    diagonal : mean diagonal of the views, in pixels of the common resolution.
+    """
 
     normalisations: tuple[Homography, ...]
-    halves: tuple[tuple[_Half, _Half], ...]
-    """Both directions of each pair."""
-    confidences: tuple[Vector, ...]
+    ends: NDArray[np.intp]
+    starts: NDArray[np.intp]
+    points: Floats
+    confidences: Vector
     initial: tuple[Homography, ...]
-    """Normalised `H_a_b` of each pair."""
     units: Vector
-    """Pixels of the common resolution per normalised unit, for each photo."""
     evidence: Vector
     diagonal: float
-    """Mean diagonal of the views, in pixels of the common resolution."""
 
     @staticmethod
     def of(
@@ -95,21 +96,42 @@ class Bundle:
                 np.array([[1, 0, -(width - 1) / 2], [0, 1, -(height - 1) / 2], [0, 0, half]]) / half
             )
         resolutions = _resolutions(len(photos), ends, pairs)
-        halves, initial = [], []
+        points, initial = [], []
         for (a, b), pair in zip(ends, pairs, strict=True):
-            x_a = transform_points(normalisations[a], pair.points_a)
-            x_b = transform_points(normalisations[b], pair.points_b)
-            halves.append((_Half(b, a, x_b, x_a), _Half(a, b, x_a, x_b)))
+            on_a = transform_points(normalisations[a], pair.points_a)
+            points.append(np.stack([on_a, transform_points(normalisations[b], pair.points_b)]))
             initial.append(normalisations[a] @ pair.H_a_b @ np.linalg.inv(normalisations[b]))
         units = half_diagonals / resolutions
         return Bundle(
             tuple(normalisations),
-            tuple(halves),
-            tuple(np.asarray(pair.weights, np.float64) for pair in pairs),
+            np.array(ends, np.intp),
+            np.cumsum([0, *(len(pair.weights) for pair in pairs)]),
+            np.concatenate(points, axis=1),
+            np.concatenate([np.asarray(pair.weights, np.float64) for pair in pairs]),
             tuple(initial),
             units,
             np.array([float(pair.weights.sum()) * pair.agreement for pair in pairs]),
             float(2 * units.mean()),
+        )
+
+    @property
+    def pair(self) -> NDArray[np.intp]:
+        """Pair (N,) of each match."""
+        return np.repeat(np.arange(len(self.ends)), np.diff(self.starts))
+
+    def of_pairs(self, values: Vector) -> list[Vector]:
+        """Those of `values` (N,) that belong to each pair."""
+        return np.split(values, self.starts[1:-1])
+
+    def only(self, k: int) -> "Bundle":
+        """The bundle of pair `k` alone."""
+        own = slice(self.starts[k], self.starts[k + 1])
+        return replace(
+            self,
+            ends=self.ends[k : k + 1],
+            starts=self.starts[k : k + 2] - self.starts[k],
+            points=self.points[:, own],
+            confidences=self.confidences[own],
         )
 
 
@@ -172,23 +194,22 @@ def solve_bundle(
     step_px, most_steps
         The search ends when no corner of a view moves farther, or after so many steps.
     """
-    count = len(bundle.halves)
-    counted = [k for k in range(count) if k not in left_out]
-    confidences = [c if k not in left_out else 0 * c for k, c in enumerate(bundle.confidences)]
-    bundle = replace(bundle, confidences=tuple(confidences))
+    pair = bundle.pair
+    counted = ~np.isin(pair, list(left_out))
+    bundle = replace(bundle, confidences=np.where(counted, bundle.confidences, 0.0))
     least, most = LEAST_DEVIATION_PX, max(GREATEST_DEVIATION * bundle.diagonal, LEAST_DEVIATION_PX)
     maps, damping, converged = start, 1e-9, False
     distances = transfer_distances(bundle, maps)
-    width = CAUCHY_WIDTH * max([least, *(float(np.median(distances[k])) for k in counted)])
+    medians = [float(np.median(each)) for each in bundle.of_pairs(distances)]
+    width = CAUCHY_WIDTH * max([least, *(m for k, m in enumerate(medians) if k not in left_out)])
     deviation = least
-    robust: list[Vector] = [np.ones(len(d)) for d in distances]
+    robust: Vector = np.ones(len(distances))
     for _ in range(most_steps):
-        middle = float(np.median(np.concatenate([distances[k] for k in counted]))) / MEDIAN_LENGTH
-        deviation = float(np.clip(middle, least, most))
+        deviation = float(np.clip(np.median(distances[counted]) / MEDIAN_LENGTH, least, most))
         settled = width * ANNEALING <= CAUCHY_WIDTH * deviation
         width = CAUCHY_WIDTH * deviation if settled else width * ANNEALING
-        widths = np.maximum(width, CAUCHY_WIDTH * np.minimum(own, most))
-        robust = [cauchy_weights(d, w) for d, w in zip(distances, widths, strict=True)]
+        widths = np.maximum(width, CAUCHY_WIDTH * np.minimum(own, most))[pair]
+        robust = cauchy_weights(distances, widths)
         A, g = _normal_equations(bundle, maps, robust, widths, prior)
         cost = _cost(bundle, distances, widths, maps, prior)
         for _ in range(8):
@@ -208,69 +229,87 @@ def solve_bundle(
     return BundleSolution(
         maps,
         deviation,
-        tuple(float(r.mean()) for r in robust),
-        tuple(float(np.median(d)) for d in distances),
+        tuple(float(each.mean()) for each in bundle.of_pairs(robust)),
+        tuple(float(np.median(each)) for each in bundle.of_pairs(distances)),
         converged,
     )
 
 
 def _cost(
-    bundle: Bundle, distances: Sequence[Vector], widths: Vector, maps: Floats, prior: FrontalPrior | None
+    bundle: Bundle, distances: Vector, widths: Vector, maps: Floats, prior: FrontalPrior | None
 ) -> float:
     """Cauchy's loss of all matches, and the prior's squares."""
-    losses = zip(bundle.confidences, distances, widths, strict=True)
-    total = sum(float((c * np.log1p((d / w) ** 2)).sum()) for c, d, w in losses)
+    total = float((bundle.confidences * np.log1p((distances / widths) ** 2)).sum())
     if prior is not None:
         total += float((prior.precisions() * (prior.departures(maps)[0] ** 2).sum(axis=1)).sum())
     return total
 
 
-def transfer_distances(bundle: Bundle, maps: Floats) -> list[Vector]:
-    """Distances (N,) of each pair's matches, common pixels: root mean square of both directions."""
-    distances = []
-    for halves in bundle.halves:
-        squares = [
-            (_residuals(half, maps, float(bundle.units[half.target]))[0] ** 2).sum(axis=1) for half in halves
-        ]
-        distances.append(np.asarray(np.sqrt(0.5 * (squares[0] + squares[1]))))
-    return distances
+def transfer_distances(bundle: Bundle, maps: Floats) -> Vector:
+    """Distances (N,) of the matches, common pixels: root mean square of both directions."""
+    residuals = _residuals(bundle, maps)[0]
+    squares = residuals[..., 0] ** 2 + residuals[..., 1] ** 2
+    return np.asarray(np.sqrt(0.5 * (squares[0] + squares[1])))
 
 
-def _residuals(half: _Half, maps: Floats, unit: float) -> tuple[Vector, Vector, Homography]:
-    """Residuals (N, 2), common pixels; mapped source points (N, 2), normalised; and the map."""
-    M = np.linalg.solve(maps[half.target], maps[half.source])
-    there = transform_points(M, half.x)
-    behind = (half.x @ M[2, :2] + M[2, 2]) * M[2, 2] <= 0
-    there[behind] = half.y[behind] + BEHIND
-    return (half.y - there) * unit, there, M
+def _residuals(bundle: Bundle, maps: Floats) -> tuple[Floats, Floats, Floats]:
+    """Of both directions, to a and to b: residuals (2, N, 2), common pixels; mapped source points (2, N, 2),
+    normalised; and the maps (2, K, 3, 3)."""
+    target = bundle.ends.T
+    M = np.linalg.solve(maps[target], maps[target[::-1]])
+    h = np.repeat(M.reshape(*M.shape[:2], 9), np.diff(bundle.starts), axis=1)
+    x, y = bundle.points[::-1, :, 0], bundle.points[::-1, :, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        w = x * h[..., 6] + y * h[..., 7] + h[..., 8]
+        rows = [x * h[..., k] + y * h[..., k + 1] + h[..., k + 2] for k in (0, 3)]
+        there = np.stack([row / w for row in rows], axis=-1)
+    behind = w * h[..., 8] <= 0
+    there[behind] = bundle.points[behind] + BEHIND
+    units = np.repeat(bundle.units[target], np.diff(bundle.starts), axis=1)
+    return (bundle.points - there) * units[..., None], there, M
 
 
 def _normal_equations(
-    bundle: Bundle, maps: Floats, robust: Sequence[Vector], widths: Vector, prior: FrontalPrior | None
+    bundle: Bundle, maps: Floats, robust: Vector, widths: Vector, prior: FrontalPrior | None
 ) -> tuple[Floats, Vector]:
     """Matrix (8 n, 8 n) and right side of the normal equations; each map changes in its own view."""
     size = 8 * len(maps)
     A, g = np.zeros((size, size)), np.zeros(size)
-    for k, halves in enumerate(bundle.halves):
-        root = np.sqrt(bundle.confidences[k] * robust[k]) / widths[k]
-        for half in halves:
-            unit = float(bundle.units[half.target])
-            r, there, M = _residuals(half, maps, unit)
-            # M = A_t^-1 A_s becomes (I - D_t) M (I + D_s), which is (I - D_t) (I + M D_s M^-1) M.
-            B = (_motions(there) * (unit * root)[:, None, None]).reshape(-1, 9)
-            inverse = np.linalg.inv(M)
-            moves = (M[:, None, :, None] * inverse.T[None, :, None, :]).reshape(9, 9)  # of D, row by row
-            change = np.hstack([np.eye(9)[:, :8], -moves[ENTRIES][:, ENTRIES[:8]]])
-            both = np.r_[8 * half.target : 8 * half.target + 8, 8 * half.source : 8 * half.source + 8]
-            A[np.ix_(both, both)] += change.T @ (B.T @ B) @ change
-            g[both] -= change.T @ (B.T @ (r * root[:, None]).ravel())
+    root = np.sqrt(bundle.confidences * robust) / widths
+    r, there, M = _residuals(bundle, maps)
+    units = np.repeat(bundle.units[bundle.ends.T], np.diff(bundle.starts), axis=1)
+    # The derivatives of both coordinates, and in the last column the residuals.
+    B = np.empty((*r.shape, 10))
+    B[..., :9] = _motions(there.reshape(-1, 2)).reshape(*r.shape, 9) * (units * root)[..., None, None]
+    B[..., 9] = r * root[:, None]
+    parts = [
+        of_direction[start:end].reshape(-1, 10)
+        for of_direction in B
+        for start, end in zip(bundle.starts[:-1], bundle.starts[1:], strict=True)
+    ]
+    products = np.stack([part[:, :9].T @ part for part in parts])
+    # M = A_t^-1 A_s becomes (I - D_t) M (I + D_s), which is (I - D_t) (I + M D_s M^-1) M.
+    M = M.reshape(-1, 3, 3)
+    turned = np.linalg.inv(M).swapaxes(1, 2)
+    moves = (M[:, :, None, :, None] * turned[:, None, :, None, :]).reshape(-1, 9, 9)  # of D, row by row
+    change = np.empty((len(M), 9, 16))
+    change[..., :8] = np.eye(9)[:, :8]
+    change[..., 8:] = -moves[:, ENTRIES][..., ENTRIES[:8]]
+    left = change.swapaxes(1, 2)
+    target = bundle.ends.T
+    photos = np.stack([target, target[::-1]], axis=-1).reshape(-1, 2)
+    both = (8 * photos[..., None] + np.arange(8)).reshape(-1, 16)
+    np.add.at(A, (both[:, :, None], both[:, None, :]), left @ products[..., :9] @ change)
+    np.subtract.at(g, both, (left @ products[..., 9:])[..., 0])
     if prior is not None:
         departures, derivatives = prior.departures(maps)
-        for k, (r, J, precision) in enumerate(zip(departures, derivatives, prior.precisions(), strict=True)):
+        for k, (off, J, precision) in enumerate(
+            zip(departures, derivatives, prior.precisions(), strict=True)
+        ):
             own = slice(8 * k, 8 * k + 8)
             # Each match counts in both directions, so the prior counts twice.
             A[own, own] += 2 * precision * J.T @ J
-            g[own] -= 2 * precision * J.T @ r
+            g[own] -= 2 * precision * J.T @ off
     return A, g
 
 

@@ -93,7 +93,7 @@ def test_nodes_of_another_view_are_refused(photo: RgbImage) -> None:
 
 
 def test_nodes_are_as_far_apart_as_the_kernel_takes_them() -> None:
-    assert f"NODE_PX = {GRID_STEP_PX}," in (FOLDER / "bicubic.c").read_text()
+    assert f"NODE_PX = {GRID_STEP_PX}," in (FOLDER / "bicubic.h").read_text()
 
 
 @pytest.mark.parametrize("beyond", [255, None])

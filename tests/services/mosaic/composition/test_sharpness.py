@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from services.arrays import RgbImage
-from services.mosaic.composition.patch_drawing import Rectangle, prepare_patch
+from services.mosaic.composition.patch_drawing import FloatMap, Rectangle, prepare_patch
 from services.mosaic.composition.sharpness import (
     CellGrid,
-    FloatMap,
     PatchMaps,
     choose_cells,
     compare_sharpness,

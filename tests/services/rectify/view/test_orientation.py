@@ -15,7 +15,8 @@ from services.arrays import GrayImage
 from services.ocr.engine import ReadDirection, Word
 from services.ocr.tesseract import find_tessdata, open_engine
 from services.rectify.results import Orientation
-from services.rectify.view.orientation import apply_orientation, estimate_orientation
+from services.rectify.view.orientation import estimate_orientation
+from services.rectify.view.turned_image import apply_orientation
 from tests.counts import some
 from tests.services.ocr.pages import blank, set_lines, text_page
 
