@@ -160,7 +160,6 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "draw_by_map": _DRAW,
     "draw_between_nodes": _DRAW,
     "draw_by_homography": _DRAW,
-    "add_deviations": (*(_ADDRESS,) * 4, _SIZE, _FIELD, _DOUBLE, _DOUBLE, _SIZE, _ADDRESS),
     "add_products": (_ROWS, _ADDRESS, _ADDRESS, _EQUATIONS),
     "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),

@@ -223,32 +223,6 @@ AVX2 ptrdiff_t cross_lines(
     return count;
 }
 
-/* Adds the strengths of edges to the curves (blocks, bins) of their blocks: a bin is `bin` wide and counts the deviations
-   of `angles` from the field's directions and `turn`, modulo pi, from -bins * bin / 2 on. */
-AVX2 void add_deviations(
-    const float *points, const float *angles, const float *strengths, const int32_t *blocks, ptrdiff_t count,
-    const struct field *field, double turn, double bin, ptrdiff_t bins, double *curves) {
-    const double half = 0.5 * bin * (double)bins;
-    for (ptrdiff_t first = 0; first < count; first += LANES) {
-        const int lanes = count - first < LANES ? (int)(count - first) : LANES;
-        float cosines[LANES] = {0}, sines[LANES] = {0}, lines[LANES];
-        for (int k = 0; k < lanes; k++) {
-            float doubled[2];
-            direction_at(field, points[2 * (first + k)], points[2 * (first + k) + 1], doubled);
-            cosines[k] = doubled[0];
-            sines[k] = doubled[1];
-        }
-        _mm256_storeu_ps(lines, angle_of(_mm256_loadu_ps(sines), _mm256_loadu_ps(cosines)));
-        for (int k = 0; k < lanes; k++) {
-            double deviation = angles[first + k] - (0.5 * lines[k] + turn);
-            deviation -= PI * floor(deviation / PI + 0.5);
-            const double place = floor((deviation + half) / bin);
-            if (place >= 0 && place < (double)bins)
-                curves[blocks[first + k] * bins + (ptrdiff_t)place] += strengths[first + k];
-        }
-    }
-}
-
 /* The blocks of edges, in rows of `columns`, each `side` pixels wide and high; to the `sums` (blocks, 4) of each are added
    its number of edges, their strengths, and the strengths times x and y. */
 AVX2 void gather_blocks(

@@ -259,36 +259,12 @@ def strength_curves(
 
     The strengths of edges are added up by the deviation of their tangents.
     """
-    kernels, bins = find_kernels(), round(2 * half_range_rad / bin_rad)
-    count = len(blocks.population)
-    if kernels is None:
-        curves = _curves_plain(edges, blocks, field, turn_rad, bins, bin_rad)
-    else:
-        curves, nodes = np.zeros((count, bins)), _nodes_of(field)
-        arrays = [
-            np.ascontiguousarray(each) for each in (edges.points, edges.angles, edges.strengths, blocks.which)
-        ]
-        kernels.add_deviations(
-            *map(address, arrays),
-            len(edges.points),
-            ctypes.byref(_field_of(field, nodes)),
-            turn_rad,
-            bin_rad,
-            bins,
-            address(curves),
-        )
-    return curves, (np.arange(bins) + 0.5) * bin_rad - half_range_rad
-
-
-def _curves_plain(
-    edges: StrokeEdges, blocks: EdgeBlocks, field: FlowField, turn_rad: float, bins: int, bin_rad: float
-) -> Floats:
-    """The curves (N, B) of `strength_curves` without a kernel: the same but for rounding."""
+    bins, count = round(2 * half_range_rad / bin_rad), len(blocks.population)
     deviations = angle_difference(edges.angles, field.at(edges.points) + turn_rad)
-    index = np.floor((deviations + 0.5 * bins * bin_rad) / bin_rad).astype(int)
-    ok, count = (index >= 0) & (index < bins), len(blocks.population)
+    index = np.floor((deviations + half_range_rad) / bin_rad).astype(int)
+    ok = (index >= 0) & (index < bins)
     flat = np.bincount(blocks.which[ok] * bins + index[ok], edges.strengths[ok], count * bins)
-    return np.asarray(flat.reshape(count, bins), np.float64)
+    return flat.reshape(count, bins).astype(np.float64), (np.arange(bins) + 0.5) * bin_rad - half_range_rad
 
 
 def _nodes_of(field: FlowField) -> NDArray[np.float32]:

@@ -15,15 +15,14 @@ from services.texture_flow.stroke_edges import (
     detect_stroke_edges,
     detect_stroke_edges_plain,
     gather_blocks,
-    strength_curves,
 )
 
 pytestmark = pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
 
 
-def bent_field(rng: np.random.Generator, size: float, bend_rad: float = 0.3) -> FlowField:
-    """Directions of up to `bend_rad` at the nodes, as strong as they like."""
-    angles, strengths = rng.uniform(-bend_rad, bend_rad, (4, 5)), rng.uniform(0.5, 2.0, (4, 5, 1))
+def bent_field(rng: np.random.Generator, size: float) -> FlowField:
+    """Directions of up to 0.3 rad at the nodes, as strong as they like."""
+    angles, strengths = rng.uniform(-0.3, 0.3, (4, 5)), rng.uniform(0.5, 2.0, (4, 5, 1))
     doubled = np.stack([np.cos(2 * angles), np.sin(2 * angles)], axis=-1)
     return FlowField(strengths * doubled, (-3.0, 2.0), size / 3)
 
@@ -59,21 +58,13 @@ def test_edges_are_the_same_but_for_rounding(
     np.testing.assert_allclose(ours.strengths[here], plain.strengths[there], rtol=1e-5, atol=1e-4)
 
 
-def test_curves_and_blocks_are_the_same_but_for_rounding(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_are_the_same_but_for_rounding(monkeypatch: pytest.MonkeyPatch) -> None:
     rng, count = np.random.default_rng(3), 4000
-    points, angles = rng.uniform(0.0, 1.0, (count, 2)) * [299.0, 199.0], rng.uniform(-1.5, 1.5, count)
-    edges = StrokeEdges(*(each.astype(np.float32) for each in (points, angles, rng.random(count))))
-    # Plain fields are interpolated in steps of 1/32 node, which on this one is nothing beside a bin.
-    field = bent_field(rng, 300.0, 1e-3)
-    found = []
-    for _ in range(2):
-        blocks = gather_blocks(edges, 40.0, (6, 8))
-        found.append((blocks, strength_curves(edges, blocks, field, 0.3, 0.5, 0.02)[0]))
-        monkeypatch.setattr(stroke_edges, "find_kernels", lambda: None)
-    (ours, curves), (plain, plain_curves) = found
+    points, strengths = rng.uniform(0.0, 1.0, (count, 2)) * [299.0, 199.0], rng.random(count)
+    edges = StrokeEdges(*(each.astype(np.float32) for each in (points, 0 * strengths, strengths)))
+    ours = gather_blocks(edges, 40.0, (6, 8))
+    monkeypatch.setattr(stroke_edges, "find_kernels", lambda: None)
+    plain = gather_blocks(edges, 40.0, (6, 8))
     assert np.array_equal(ours.which, plain.which)
     np.testing.assert_allclose(ours.population, plain.population)
     np.testing.assert_allclose(ours.centres, plain.centres, rtol=1e-6)
-    # Few edges lie so near to the border of a bin that they change over.
-    assert np.abs(curves - plain_curves).sum() < 0.02 * plain_curves.sum()
-    np.testing.assert_allclose(curves.sum(axis=1), plain_curves.sum(axis=1), rtol=0.02)
