@@ -112,34 +112,6 @@ class MeshNodes(ctypes.Structure):
     )
 
 
-class Edges(ctypes.Structure):
-    """`struct edges` of `strokes.c`."""
-
-    _fields_ = (
-        *((name, ctypes.c_void_p) for name in ("at", "x", "y")),
-        ("count", ctypes.c_ssize_t),
-    )
-
-
-class Sampled(ctypes.Structure):
-    """`struct sampled` of `strokes.c`."""
-
-    _fields_ = (
-        ("strengths", ctypes.c_void_p),
-        *((name, ctypes.c_ssize_t) for name in ("count", "step", "left")),
-    )
-
-
-class Field(ctypes.Structure):
-    """`struct field` of `strokes.c`."""
-
-    _fields_ = (
-        ("doubled", ctypes.c_void_p),
-        *((name, ctypes.c_int32) for name in ("rows", "columns")),
-        *((name, ctypes.c_double) for name in ("x", "y", "spacing")),
-    )
-
-
 class Search(ctypes.Structure):
     """`struct search` of `mesh.c`."""
 
@@ -152,8 +124,7 @@ class Search(ctypes.Structure):
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, SheetTables, SheetPoints))
 _ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, MeshNodes, Search))
-_EDGES, _SAMPLED, _FIELD = map(ctypes.POINTER, (Edges, Sampled, Field))
-_FLOAT, _DOUBLE = ctypes.c_float, ctypes.c_double
+_DOUBLE = ctypes.c_double
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "blend_patch": (_IMAGE, _IMAGE, _ADDRESS, ctypes.POINTER(KernelPatch)),
@@ -165,9 +136,6 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
-    "cross_lines": (_EDGES, _INT, _FLOAT, _SIZE, _FIELD, _FLOAT, *(_ADDRESS,) * 3),
-    "find_edges": (_IMAGE, _ADDRESS, _INT, _INT, _ADDRESS, _ADDRESS, _FLOAT, _EDGES, _SAMPLED),
-    "gather_blocks": (_ADDRESS, _ADDRESS, _SIZE, _DOUBLE, _INT, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
@@ -204,8 +172,7 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
-    for name in ("cross_lines", "measure_band"):
-        getattr(library, name).restype = _SIZE
+    library.measure_band.restype = _SIZE
     return library if library.usable() else None
 
 

@@ -10,7 +10,7 @@ from services.sheet.outline.candidates import CandidateParameters
 from services.sheet.outline.detection import OutlineParameters
 from services.sheet.outline.rays import RayParameters
 from services.texture_flow.major import MajorFlowParameters
-from services.texture_flow.stroke_edges import MinorFlowParameters
+from services.texture_flow.minor import MinorFlowParameters
 
 PREVIEW_PX = 1200
 """Least long side of the reduced photo of a preview: letters must be large enough that their blur can be measured."""

@@ -8,21 +8,34 @@ windows this is five times more precise, for a tenth of the time (docs/decisions
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from services.arrays import Floats, GrayImage, Mask, Vector
-from services.texture_flow.field import FlowField, FlowSamples
+from services.imaging.row_bands import BAND_ROWS, row_bands
+from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.regression import OUTLIER_RAD, reject_outliers, smooth_samples
-from services.texture_flow.stroke_edges import (
-    MinorFlowParameters,
-    detect_stroke_edges,
-    gather_blocks,
-    strength_curves,
-)
+
+GOLDEN = (5**0.5 - 1) / 2
+LIKELY_SHARE = 0.5
+"""Edges that are weaker than this share of what is strong in the first bands are not kept ..."""
+ENOUGH_SHARE = 0.03
+"""... when these contain this share of the image, over `LIKELY_SHARE`, as text."""
+
 
 # Lengths are multiples of the text height.
+DERIVATIVE_SIGMA_PX = 1.1
+"""Scale of the derivatives. Gaussian ones give an edge's direction to 0.05 degrees, Scharr's 0.15, Sobel's 1."""
+EDGE_SHARE = 0.25
+"""Least gradient of an edge relative to a strong gradient (99th percentile) ..."""
+EDGE_FLOOR = 1.0
+"""... and in gray levels a pixel: rounding on plain paper is not an edge."""
+CROSSING_RAD = np.deg2rad(40.0)
+"""Strokes nearer than this to the major flow are removed."""
 BLOCK = 6.0
 COARSE_BIN_RAD = np.deg2rad(1.0)
 COARSE_SIGMA_RAD = np.deg2rad(3.0)
@@ -38,12 +51,123 @@ SHARP_TEXT_HEIGHT_PX = 22.0
 """Below this size of characters in the photo, errors of stroke directions grow by the square of the ratio."""
 
 
+@dataclass(frozen=True, slots=True)
+class MinorFlowParameters:
+    """Lengths are multiples of the text height."""
+
+    max_edges: int = 200_000
+    """Largest number of edge pixels; a thousand determine a block's direction to 0.1 degree."""
+    band_rows: int = BAND_ROWS
+    """Edges are sought in bands of so many rows ..."""
+    band_share: float = 1.0
+    """... in this share of them. Multiples of the golden ratio choose them: no period coincides with that of lines."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StrokeEdges:
+    """Edge pixels that cross the major flow: `points` (E, 2), tangent `angles` (E,) rad, `strengths` (E,)."""
+
+    points: NDArray[np.float32]
+    angles: NDArray[np.float32]
+    strengths: NDArray[np.float32]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MinorFlow:
     """Samples E_2^m and the dense field E^m, in the frame of the analysed image."""
 
     samples: FlowSamples
     field: FlowField
+
+
+class _Edges(NamedTuple):
+    """Edge pixels of a band: index in the image, gradient, and its magnitude, (E,) each."""
+
+    at: NDArray[np.intp]
+    x: NDArray[np.float32]
+    y: NDArray[np.float32]
+    strength: NDArray[np.float32]
+
+    def take(self, which: NDArray[np.intp]) -> "_Edges":
+        return _Edges(self.at[which], self.x[which], self.y[which], self.strength[which])
+
+
+def detect_stroke_edges(
+    gray: GrayImage, area: Mask, major: FlowField, parameters: MinorFlowParameters
+) -> StrokeEdges:
+    """Strong edges in the text `area` whose tangents differ enough from the major flow."""
+    p = parameters
+    found, strong = _strong_edges(gray, area, p, LIKELY_SHARE)
+    if found is None:  # the first bands had far stronger edges than the others
+        found, strong = _strong_edges(gray, area, p, 0.0)
+    assert found is not None
+    kept = [np.flatnonzero(edges.strength > strong) for edges in found]
+    step, passed = sum(map(len, kept)) // p.max_edges + 1, 0
+    for k, edges in enumerate(found):
+        found[k] = edges.take(kept[k][-passed % step :: step])
+        passed += len(kept[k])
+    at, gx, gy, strengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    y, x = np.divmod(at, gray.shape[1])
+    points = np.stack([x, y], axis=1, dtype=np.float32)
+    # The tangent is perpendicular to the gradient.
+    angles = np.arctan2(gx, -gy)
+    clear = np.flatnonzero(np.abs(angle_difference(angles, major.at(points))) > CROSSING_RAD)
+    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear])
+
+
+def _strong_edges(
+    gray: GrayImage, area: Mask, p: MinorFlowParameters, likely_share: float
+) -> tuple[list[_Edges] | None, float]:
+    """Edges of all bands that may be strong, and the least gradient of a strong one.
+
+    After the first bands, edges below `likely_share` of what is strong in these are not kept. None if strong ones may
+    be among them.
+    """
+    taps = np.arange(-4, 5, dtype=np.float64)
+    smooth = np.exp(-0.5 * (taps / DERIVATIVE_SIGMA_PX) ** 2)
+    smooth /= smooth.sum()
+    slope = taps * smooth / float((taps**2 * smooth).sum())
+    sampled, found = list[NDArray[np.float32]](), list[_Edges]()
+    step, passed, least, strong = max(int(area.sum()) // 100_000, 1), 0, EDGE_FLOOR, 0.0
+    for number, (rows, seen, inner) in enumerate(row_bands(len(gray), len(taps) // 2, p.band_rows)):
+        if number * GOLDEN % 1.0 >= p.band_share:
+            continue
+        gx, gy = (
+            np.asarray(cv2.sepFilter2D(gray[seen], cv2.CV_32F, *kernels), np.float32)[inner].ravel()
+            for kernels in ((slope, smooth), (smooth, slope))
+        )
+        strength, within = np.asarray(cv2.magnitude(gx, gy), np.float32).ravel(), area[rows].ravel()
+        inside = strength[within]
+        sampled.append(inside[-passed % step :: step].copy())  # a view would keep all of them
+        passed += inside.size
+        at = np.flatnonzero((strength > least) & within)
+        found.append(_Edges(at + rows.start * gray.shape[1], gx[at], gy[at], strength[at]))
+        if least == EDGE_FLOOR and likely_share * passed > ENOUGH_SHARE * area.size:
+            least = max(EDGE_FLOOR, likely_share * _strong_gradient(sampled))
+    strong = _strong_gradient(sampled)
+    return (None if least > max(strong, EDGE_FLOOR) else found), strong
+
+
+def _strong_gradient(sampled: list[NDArray[np.float32]]) -> float:
+    """Least gradient of a strong edge among samples (E,) of several bands."""
+    strengths = np.concatenate(sampled)
+    return EDGE_SHARE * float(np.percentile(strengths, 99)) if strengths.size else 0.0
+
+
+def strength_curves(
+    blocks: NDArray[np.intp],
+    count: int,
+    deviations: Vector,
+    strengths: Vector,
+    half_range: float,
+    bin_rad: float,
+) -> tuple[Floats, Vector]:
+    """Strength S(beta) (count, B) per block over directions (B,), by adding up edge pixels."""
+    bins = round(2 * half_range / bin_rad)
+    index = np.floor((deviations + half_range) / bin_rad).astype(int)
+    ok = (index >= 0) & (index < bins)
+    flat = np.bincount(blocks[ok] * bins + index[ok], weights=strengths[ok], minlength=count * bins)
+    return np.asarray(flat.reshape(count, bins), np.float64), (np.arange(bins) + 0.5) * bin_rad - half_range
 
 
 def fit_curve_peaks(curves: Floats, directions: Vector, half_width: float) -> Vector:
@@ -79,33 +203,50 @@ def estimate_minor_flow(
     Strength curves over the half circle, smoothed over neighbouring blocks, give a coarse field. Curves of the
     deviation from that field, with narrow bins, then give the samples.
     """
-    edges = detect_stroke_edges(gray, area, major, parameters or MinorFlowParameters())
+    p = parameters or MinorFlowParameters()
+    edges = detect_stroke_edges(gray, area, major, p)
     if len(edges.points) < MIN_EDGES:
         return None
     shape = (gray.shape[0], gray.shape[1])
     block = BLOCK * text_height_px
-    grid = (int(shape[0] // block) + 1, int(shape[1] // block) + 1)
-    blocks = gather_blocks(edges, block, grid)
-    alive = blocks.population >= MIN_EDGES
+    columns = int(shape[1] // block) + 1
+    rows = int(shape[0] // block) + 1
+    which = (edges.points[:, 1] // block).astype(int) * columns + (edges.points[:, 0] // block).astype(int)
+    count = rows * columns
+    population = np.bincount(which, minlength=count)
+    mass = np.bincount(which, weights=edges.strengths, minlength=count)
+    divisor = np.maximum(mass, 1e-9)
+    centres = np.stack(
+        [
+            np.bincount(which, weights=edges.points[:, k] * edges.strengths, minlength=count) / divisor
+            for k in (0, 1)
+        ],
+        axis=1,
+    )
+    alive = population >= MIN_EDGES
     if not alive.any():
         return None
-    population, centres = blocks.population[alive], blocks.centres[alive]
-    curves, directions = strength_curves(edges, blocks, major, np.pi / 2, np.pi / 2, COARSE_BIN_RAD)
-    shared = _share(curves, grid, 1.0, COARSE_SIGMA_RAD / COARSE_BIN_RAD)
+    perpendicular = major.at(edges.points) + np.pi / 2
+    deviation = angle_difference(edges.angles, perpendicular)
+    curves, directions = strength_curves(which, count, deviation, edges.strengths, np.pi / 2, COARSE_BIN_RAD)
+    shared = _share(curves, (rows, columns), 1.0, COARSE_SIGMA_RAD / COARSE_BIN_RAD)
     coarse = fit_curve_peaks(shared[alive], directions, COARSE_FIT_RAD)
-    weight = np.clip(population / float(np.median(population)), 0, 1)
-    samples = FlowSamples(centres, major.at(centres) + np.pi / 2 + coarse, weight)
+    weight = np.clip(population[alive] / float(np.median(population[alive])), 0, 1)
+    samples = FlowSamples(centres[alive], major.at(centres[alive]) + np.pi / 2 + coarse, weight)
     sigma = SMOOTHING * text_height_px
     samples = reject_outliers(samples, 1.5 * sigma, shape, 3 * OUTLIER_RAD)
     field = smooth_samples(samples, shape, block, 1.5 * sigma)
     for _ in range(2):
-        curves, directions = strength_curves(edges, blocks, field, 0.0, FINE_RANGE_RAD, FINE_BIN_RAD)
-        shared = _share(curves, grid, 0.7, FINE_SIGMA_RAD / FINE_BIN_RAD)[alive]
+        deviation = angle_difference(edges.angles, field.at(edges.points))
+        curves, directions = strength_curves(
+            which, count, deviation, edges.strengths, FINE_RANGE_RAD, FINE_BIN_RAD
+        )
+        shared = _share(curves, (rows, columns), 0.7, FINE_SIGMA_RAD / FINE_BIN_RAD)[alive]
         peaks = fit_curve_peaks(shared, directions, FINE_FIT_RAD)
         prominence = shared.max(axis=1) / np.maximum(shared.mean(axis=1), 1e-9)
         trust = weight * np.clip((prominence - 1.2) / 1.5, 0.05, 1)
-        angle = (field.at(centres) + peaks) % np.pi
-        samples = reject_outliers(FlowSamples(centres, angle, trust), sigma, shape, OUTLIER_RAD)
+        angle = (field.at(centres[alive]) + peaks) % np.pi
+        samples = reject_outliers(FlowSamples(centres[alive], angle, trust), sigma, shape, OUTLIER_RAD)
         field = smooth_samples(samples, shape, block, sigma)
     return MinorFlow(samples, field)
 

@@ -13,7 +13,7 @@ from services.imaging.illumination import divide_by_light, reduced_light
 from services.imaging.paper import Paper, PaperParameters, Window, model_paper
 from services.imaging.reduction import Halves, enlarge_image, reduce_image
 from services.texture_flow.major import MajorFlowParameters
-from services.texture_flow.stroke_edges import MinorFlowParameters
+from services.texture_flow.minor import MinorFlowParameters
 from services.texture_flow.text_identification import (
     FEWEST_CHARACTERS,
     IdentifiedText,

@@ -5,17 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.texture_flow import stroke_edges
+from services.texture_flow import minor
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
-from services.texture_flow.minor import estimate_minor_flow, fit_curve_peaks
-from services.texture_flow.regression import smooth_samples
-from services.texture_flow.stroke_edges import (
+from services.texture_flow.minor import (
     MinorFlowParameters,
-    StrokeEdges,
     detect_stroke_edges,
-    gather_blocks,
+    estimate_minor_flow,
+    fit_curve_peaks,
     strength_curves,
 )
+from services.texture_flow.regression import smooth_samples
 from services.texture_flow.text_identification import identify_text
 from simulation.flat_page import Page
 from tests.services.scenes import CURVED_SCENES, FLAT_SCENES, Album, errors_deg
@@ -154,37 +153,17 @@ def test_noise_moves_the_peak_only_a_little() -> None:
     assert abs(found.mean() - 1.37) < 0.02
 
 
-def scattered_edges(count: int) -> StrokeEdges:
-    """Edges within 100 x 50 pixels, whose angles are up to 0.4 rad beside the horizontal."""
-    rng = np.random.default_rng(1)
-    points = rng.uniform(0.0, 1.0, (count, 2)) * [99.0, 49.0]
-    angles, strengths = rng.uniform(-0.4, 0.4, count), rng.random(count)
-    return StrokeEdges(*(each.astype(np.float32) for each in (points, angles, strengths)))
-
-
-def test_blocks_have_the_mean_places_of_their_edges() -> None:
-    edges = scattered_edges(500)
-    blocks = gather_blocks(edges, 25.0, (2, 4))
-    for block in range(8):
-        mine = blocks.which == block
-        row, column = divmod(block, 4)
-        assert (np.floor(edges.points[mine] / 25) == [column, row]).all()
-        assert blocks.population[block] == mine.sum() > 0
-        mean = np.average(edges.points[mine], axis=0, weights=edges.strengths[mine])
-        assert np.allclose(blocks.centres[block], mean, atol=1e-4)
-
-
 def test_curves_are_weighted_histograms() -> None:
-    edges = scattered_edges(500)
-    blocks = gather_blocks(edges, 25.0, (2, 4))
-    curves, directions = strength_curves(edges, blocks, level_field(), 0.0, 0.3, 0.05)
-    assert curves.shape == (8, 12)
+    rng = np.random.default_rng(1)
+    blocks, deviations, strengths = rng.integers(0, 4, 500), rng.uniform(-0.4, 0.4, 500), rng.random(500)
+    curves, directions = strength_curves(blocks, 5, deviations, strengths, 0.3, 0.05)
+    assert curves.shape == (5, 12)
     assert np.allclose(np.diff(directions), 0.05)
     assert directions.sum() == pytest.approx(0.0, abs=1e-12)
-    for block in range(8):
-        mine = blocks.which == block
-        slow, _ = np.histogram(edges.angles[mine], 12, (-0.3, 0.3), weights=edges.strengths[mine])
-        assert np.allclose(curves[block], slow, atol=1e-5)
+    for b in range(5):
+        mine = blocks == b
+        slow, _ = np.histogram(deviations[mine], 12, (-0.3, 0.3), weights=strengths[mine])
+        assert np.allclose(curves[b], slow)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 3), (20, 20), (200, 150)])
@@ -221,7 +200,7 @@ def test_edges_do_not_depend_on_what_the_first_bands_show(
     gray = (255 - contrast * (255 - bars)).astype(np.uint8)
     area = np.ones(gray.shape, bool)
     found = detect_stroke_edges(gray, area, level_field(), MinorFlowParameters())
-    monkeypatch.setattr(stroke_edges, "LIKELY_SHARE", 0.0)
+    monkeypatch.setattr(minor, "LIKELY_SHARE", 0.0)
     expected = detect_stroke_edges(gray, area, level_field(), MinorFlowParameters())
     assert len(found.points) > 2000
     for name in ("points", "angles", "strengths"):
