@@ -9,6 +9,7 @@
    Returns 0 where memory is missing. */
 AVX2 int polygon_distances(
     const double *points, ptrdiff_t count, const double *corners, ptrdiff_t sides, double *distances) {
+    if (!count) return 1;
     double *x = malloc(3 * count * sizeof *x);
     if (!x) return 0;
     double *y = x + count, *crossed = y + count;

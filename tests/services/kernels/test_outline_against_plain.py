@@ -72,6 +72,7 @@ def test_distances_within_polygons() -> None:
         np.testing.assert_allclose(np.abs(ours), np.abs(plain), rtol=1e-6, atol=1e-6)
         clear = np.abs(plain) > 1e-6
         assert np.array_equal(ours[clear] > 0, plain[clear] > 0)
+    assert distances_within(np.zeros((0, 2)), np.eye(3, 2)).shape == (0,)
 
 
 def test_what_kernels_cannot_take_is_refused() -> None:
