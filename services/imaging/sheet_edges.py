@@ -10,7 +10,7 @@ import numpy as np
 
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.imaging.channels import log_brightness
-from services.imaging.long_edges import LongEdgeParameters, find_long_edges
+from services.imaging.long_edges import LongEdge, LongEdgeParameters, find_long_edges
 
 UPRIGHT = LongEdgeParameters()
 LEVEL = LongEdgeParameters(contrast=0.15, share_of_view=0.85)
@@ -29,7 +29,13 @@ GROUND_CONTRAST = 0.15
 OUTER_PERCENTILE = 25.0
 """Of an edge's columns along the text, counted from outside: where a sloping edge is cut."""
 CORNER_PX = 18.0
-"""The upper and the lower edge meet the end of an upright one within this distance."""
+"""The upper and the lower edge meet the end of an upright one within this distance, ..."""
+BEYOND_PX = (5, 25)
+"""... or at these distances beyond them the ground is the same on both sides of an upright edge."""
+ALIKE = 0.08
+"""Grounds that differ by less are the same one: grain of wood is that uneven."""
+LEAST_SEEN_PX = 40
+"""Pixels of a ground that must be in view to compare it."""
 MIN_MARGIN_PX = 8
 BESIDE_PX = 20
 """Columns of the text that are used, with the margin, to measure the ground next to an edge."""
@@ -74,6 +80,7 @@ class _Edge:
     place: float
     begins: tuple[float, ...]
     ends: tuple[float, ...]
+    path: LongEdge
 
 
 def find_sheet_edges(
@@ -107,13 +114,12 @@ def find_sheet_edges(
     )
     top = _innermost_edge(level, float(low[1]))
     bottom = _innermost_edge(level.mirrored(), height - 1 - float(high[1]))
-    # At a corner of the sheet its upright edges end, at a coloured band across the page they continue.
-    sides = [edge for edge in (left, right) if edge is not None]
-    begins = np.array([row for edge in sides for row in edge.begins])
-    ends = np.array([row for edge in sides for row in edge.ends])
-    if top is not None and not (np.abs(begins - top.place) <= CORNER_PX).any():
+    sides = [
+        (edge, margin) for edge, margin in ((left, upright), (right, upright.mirrored())) if edge is not None
+    ]
+    if top is not None and not _ends_sides(top.place, sides, -1):
         top = None
-    if bottom is not None and not (np.abs(ends - (height - 1 - bottom.place)) <= CORNER_PX).any():
+    if bottom is not None and not _ends_sides(height - 1 - bottom.place, sides, 1):
         bottom = None
     rim = RIM * max(height, width)
     return SheetEdges(
@@ -122,6 +128,43 @@ def find_sheet_edges(
         None if right is None else width - 1 - right.place + rim,
         None if bottom is None else height - 1 - bottom.place + rim,
     )
+
+
+def _ends_sides(row: float, sides: list[tuple[_Edge, _Margin]], way: int) -> bool:
+    """Whether upright edges end at a level one in `row`, above (-1) or below (1) which the sheet would have ended.
+
+    At a corner of the sheet they do: beyond, the desk is on both sides of them. At a coloured band across the page they
+    go on. Each of the `sides` is in the frame of its own margin.
+    """
+    for edge, margin in sides:
+        ends = np.array(edge.begins if way < 0 else edge.ends)
+        if (np.abs(ends - row) <= CORNER_PX).any() or _same_ground_beyond(edge.path, margin, row, way):
+            return True
+    return False
+
+
+def _same_ground_beyond(edge: LongEdge, margin: _Margin, row: float, way: int) -> bool:
+    """Whether the ground is the same left and right of an upright `edge`, where it would go on beyond `row`.
+
+    It goes on from the text as it is nearest to `row`; beside the text its grounds differ.
+    """
+    near, far = UPRIGHT.ground_px
+    beside = np.flatnonzero(edge.beside_text)
+    nearest = beside[np.abs(edge.rows[beside] - row).argmin()]
+    column = int(edge.columns[nearest])
+    first, last = sorted(int(row) + way * distance for distance in BEYOND_PX)
+    rows = slice(max(first, 0), max(last, 0))
+    left, right = (
+        _ground(margin, rows, slice(max(column + low, 0), max(column + high, 0)))
+        for low, high in ((1 - far, 1 - near), (near, far))
+    )
+    return left is not None and right is not None and abs(left - right) < ALIKE and edge.ground_differs(ALIKE)
+
+
+def _ground(margin: _Margin, rows: slice, columns: slice) -> float | None:
+    """Median brightness of a part of the view; None where too little of it is in the photo."""
+    seen = margin.brightness[rows, columns][margin.shown[rows, columns]]
+    return float(np.median(seen)) if seen.size >= LEAST_SEEN_PX else None
 
 
 def _innermost_edge(margin: _Margin, limit: float) -> _Edge | None:
@@ -143,5 +186,7 @@ def _innermost_edge(margin: _Margin, limit: float) -> _Edge | None:
         further = np.unique(np.floor((places[k] - places) / STACK_STEP_PX))
         if not beyond.any() or (further > 0).sum() >= STACK_EDGES or found[k].ground_differs(GROUND_CONTRAST):
             outer = [edge for edge, place in zip(found, places, strict=True) if place <= places[k]]
-            return _Edge(float(places[k]), tuple(e.first for e in outer), tuple(e.last for e in outer))
+            return _Edge(
+                float(places[k]), tuple(e.first for e in outer), tuple(e.last for e in outer), found[k]
+            )
     return None

@@ -18,10 +18,14 @@ from services.rectify.effort import WHOLE, Effort
 from services.rectify.shape_choice.shaped_page import ShapedPage
 from services.rectify.view.drawing import draw_flat_view
 from services.rectify.view.flatness import NOT_FLAT_PERCENT
+from services.rectify.view.outside_text import REACH, WORD
 from services.rectify.view.paper_end import PaperEnd
+from services.rectify.view.print_kept import groups_within
 from services.sheet.outline.results import SheetOutline
 
 NO_POINTS: Points = np.zeros((0, 2))
+MOST_SPECKS = 0.02
+"""Share of all characters that may lie beyond a side where they stand in no word: its own edge, a desk."""
 SIDES = ("left", "top", "right", "bottom")
 MAX_SLOPE = 0.2
 """Of a side in the flat view: a steeper one is not that of this page, or print is aslant on its sheet."""
@@ -62,7 +66,7 @@ def cut_view(
         may_wave = page.shape.kind == "curved"
         characters = np.concatenate([page.characters, more])
         frame, known = cut_to_outline(
-            frame, page.outline, characters, believed=end.believed, may_wave=may_wave
+            frame, page.outline, characters, page.text_height_px, believed=end.believed, may_wave=may_wave
         )
     if page.analysis is None or effort.is_brief:
         return frame
@@ -71,17 +75,25 @@ def cut_view(
 
 
 def cut_to_outline(
-    frame: Frame, outline: SheetOutline, characters: Points, *, believed: bool, may_wave: bool = False
+    frame: Frame,
+    outline: SheetOutline,
+    characters: Points,
+    text_height_px: float,
+    *,
+    believed: bool,
+    may_wave: bool = False,
 ) -> tuple[Frame, frozenset[str]]:
     """`frame` cut at the sides of the `outline` that are seen, and which sides these are.
 
-    A side that would cut off `characters` (N, 2), photo pixels, is not used; outside of a `believed` outline they are
-    specks of a desk. Sides of a believed outline of a sheet that is no plane `may_wave`.
+    A side that would cut off `characters` (N, 2), photo pixels, of `text_height_px` is not used. Outside of a
+    `believed` outline they are specks of a desk; a few that stand in no word are so at every edge. Sides of a believed
+    outline of a sheet that is no plane `may_wave`.
     """
     if believed:
         # To a pixel: what looks like a letter on the very edge of a sheet is its edge.
         characters = characters[outline.holds(characters, 1.0)]
-    text = _finite(frame.to_flat(characters))
+    text = frame.to_flat(characters)
+    characters, text = (points[np.isfinite(text).all(axis=1)] for points in (characters, text))
     centre = np.nanmedian(frame.to_flat(outline.polygon), axis=0)
     found: dict[str, float] = {}
     for side in outline.seen_sides:
@@ -97,10 +109,18 @@ def cut_to_outline(
         before = bool(middle[axis] < centre[axis])
         place = _cut_place(points[:, axis], frame.width, before=before, may_wave=believed and may_wave)
         beyond = text[:, axis] < place if before else text[:, axis] > place
-        if len(text) and beyond.mean() > STRAY_SHARE:
+        if _is_print(characters[beyond], len(text), text_height_px):
             continue
         found[("left" if before else "right") if upright else ("top" if before else "bottom")] = place
     return crop_frame(frame, SheetEdges(**found)), frozenset(found)
+
+
+def _is_print(beyond: Points, count: int, text_height_px: float) -> bool:
+    """Whether the characters `beyond` (N, 2) a side, photo pixels, of `count` in all, are more than its specks."""
+    share = len(beyond) / max(count, 1)
+    if share <= STRAY_SHARE or share > MOST_SPECKS:
+        return share > STRAY_SHARE
+    return bool(np.bincount(groups_within(beyond, REACH * text_height_px)).max() >= WORD)
 
 
 def _cut_place(places: Vector, width: int, *, before: bool, may_wave: bool) -> float:

@@ -174,6 +174,25 @@ def test_a_dark_band_across_the_sheet_stays(pages: tuple[Page, ...]) -> None:
     assert abs(edges.left - LEFT) < 6
 
 
+@pytest.mark.parametrize("fading", [0, 110])
+def test_a_sheet_ends_where_the_desk_lies_on_both_sides_of_its_own_sides(
+    pages: tuple[Page, ...], fading: int
+) -> None:
+    page = pages[0]
+    rows, columns = size_of_view(page)
+    view = page_on(np.full((rows, columns), 60.0), page)
+    first, last = TOP + page.height - fading, TOP + page.height
+    # The paper curls up: towards its foot its sides fade.
+    for row in range(first, last):
+        fall = np.geomspace(60.0, 229.0, 2 + row - first)
+        view[row, LEFT : LEFT + len(fall)] = fall
+        view[row, LEFT + page.width - len(fall) : LEFT + page.width] = fall[::-1]
+    text = text_of_view(page)
+    edges = find_sheet_edges(as_view(view), text[text[:, 1] < last - 170], 6.0)
+    assert edges.bottom is not None
+    assert TOP + page.height - 1 <= edges.bottom < TOP + page.height + 6
+
+
 def test_the_end_of_the_photo_is_no_edge(pages: tuple[Page, ...]) -> None:
     page = pages[2]
     view = as_view(page_on(np.full(size_of_view(page), 229.5), page))

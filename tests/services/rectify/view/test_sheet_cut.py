@@ -30,6 +30,7 @@ LEAN = np.array([[1.05, 0.08, 60.0], [-0.06, 0.98, 90.0], [6e-5, 4e-5, 1.0]])
 SHEET = (100.0, 120.0, 699.0, 959.0)
 """Left, top, right and bottom of the sheet in the flat view."""
 VIEW = FlatFrame(LEAN, 800, 1100)
+TEXT_HEIGHT_PX = 10.0
 RNG = np.random.default_rng
 
 
@@ -57,7 +58,7 @@ def last_corner(frame: FlatFrame) -> Points:
 @pytest.mark.parametrize("noise_px", [0.0, 0.5])
 def test_the_view_is_cut_at_the_sides_of_the_outline(noise_px: float) -> None:
     outline = outline_of(corners(), noise_px, RNG(0))
-    cut, known = cut_to_outline(VIEW, outline, text(), believed=True)
+    cut, known = cut_to_outline(VIEW, outline, text(), TEXT_HEIGHT_PX, believed=True)
     assert isinstance(cut, FlatFrame)
     assert known == {"left", "top", "right", "bottom"}
     assert shown_corner(cut) == pytest.approx(SHEET[:2], abs=1.0 + 2 * noise_px)
@@ -74,7 +75,7 @@ def test_a_side_that_waves_keeps_all_of_its_paper(wave_px: float, believed: bool
     waving = np.column_stack([SHEET[2] + wave_px * np.sin(np.linspace(0, 4 * np.pi, 200)), y])
     right = replace(outline.sides[1], points=transform_points(LEAN, waving))
     outline = replace(outline, sides=(outline.sides[0], right, *outline.sides[2:]))
-    cut, _ = cut_to_outline(VIEW, outline, text(), believed=believed, may_wave=may_wave)
+    cut, _ = cut_to_outline(VIEW, outline, text(), TEXT_HEIGHT_PX, believed=believed, may_wave=may_wave)
     assert isinstance(cut, FlatFrame)
     # In the middle, as paper must not be white that is beyond a side that may be none.
     kept = wave_px if believed and may_wave and wave_px > 4.0 else 0.0
@@ -84,7 +85,9 @@ def test_a_side_that_waves_keeps_all_of_its_paper(wave_px: float, believed: bool
 @pytest.mark.parametrize("missing", range(4))
 def test_a_side_that_is_not_seen_is_not_cut_at(missing: int) -> None:
     seen = tuple(k for k in range(4) if k != missing)
-    cut, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0), seen), text(), believed=True)
+    cut, known = cut_to_outline(
+        VIEW, outline_of(corners(), 0.3, RNG(0), seen), text(), TEXT_HEIGHT_PX, believed=True
+    )
     names = ("top", "right", "bottom", "left")
     assert known == {names[k] for k in seen}
     whole = {"top": 0, "left": 0, "right": VIEW.width - 1, "bottom": VIEW.height - 1}[names[missing]]
@@ -98,7 +101,9 @@ def test_a_side_that_is_not_seen_is_not_cut_at(missing: int) -> None:
 def test_a_side_that_would_cut_text_off_is_not_believed() -> None:
     # A frame printed on the page, with a page number below.
     below = np.concatenate([text(), text((350.0, 985.0, 450.0, 995.0))[:30]])
-    cut, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), below, believed=False)
+    cut, known = cut_to_outline(
+        VIEW, outline_of(corners(), 0.3, RNG(0)), below, TEXT_HEIGHT_PX, believed=False
+    )
     assert known == {"left", "top", "right"}
     seen = transform_points(np.linalg.inv(cut.H_photo_flat), below) if isinstance(cut, FlatFrame) else below
     assert (seen > 0).all()
@@ -107,17 +112,29 @@ def test_a_side_that_would_cut_text_off_is_not_believed() -> None:
 
 def test_beyond_a_believed_outline_lie_specks_and_no_text() -> None:
     specks = np.concatenate([text(), text((350.0, 985.0, 450.0, 995.0))[:30]])
-    _, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), specks, believed=True)
+    _, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), specks, TEXT_HEIGHT_PX, believed=True)
     assert known == {"left", "top", "right", "bottom"}
     on_edge = np.concatenate([text(), text((350.0, 961.0, 450.0, 962.0))[:30]])
-    _, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), on_edge, believed=True)
+    _, known = cut_to_outline(
+        VIEW, outline_of(corners(), 0.3, RNG(0)), on_edge, TEXT_HEIGHT_PX, believed=True
+    )
     assert known == {"left", "top", "right", "bottom"}, "the sheet's edge looks like letters"
+
+
+@pytest.mark.parametrize(("apart_px", "is_cut"), [(40.0, True), (6.0, False)])
+def test_specks_that_stand_in_no_word_do_not_hide_a_side(apart_px: float, is_cut: bool) -> None:
+    row = np.column_stack([250.0 + apart_px * np.arange(12), np.full(12, 990.0)])
+    seen = np.concatenate([text()[::2], transform_points(LEAN, row)])
+    _, known = cut_to_outline(VIEW, outline_of(corners(), 0.3, RNG(0)), seen, TEXT_HEIGHT_PX, believed=False)
+    assert ("bottom" in known) == is_cut
 
 
 def test_slanting_sides_are_left_alone() -> None:
     kite = np.array([[400.0, 100.0], [750.0, 500.0], [420.0, 1000.0], [60.0, 520.0]])
     assert (
-        cut_to_outline(VIEW, outline_of(transform_points(LEAN, kite), 0.3, RNG(0)), text(), believed=True)[1]
+        cut_to_outline(
+            VIEW, outline_of(transform_points(LEAN, kite), 0.3, RNG(0)), text(), TEXT_HEIGHT_PX, believed=True
+        )[1]
         == frozenset()
     )
 
@@ -298,7 +315,7 @@ def test_what_lies_beyond_the_sheet_is_white() -> None:
     torn = corners()
     torn[0] = transform_points(LEAN, np.array([[160.0, 180.0]]))[0]
     outline = outline_of(torn, 0.0, RNG(0))
-    frame, _ = cut_to_outline(VIEW, outline_of(corners(), 0.0, RNG(0)), text(), believed=True)
+    frame, _ = cut_to_outline(VIEW, outline_of(corners(), 0.0, RNG(0)), text(), TEXT_HEIGHT_PX, believed=True)
     flat = np.full((frame.height, frame.width, 3), 90, np.uint8)
     whiten_beyond(flat, frame, outline.polygon)
     assert (flat[2, 2] == 255).all()
