@@ -135,13 +135,14 @@ class _Search:
                 self.halves, text, self.effort.analysis, self.clock, in_region=in_region
             )
         else:
-            begin = (
-                self.outlines.begin if region is None and not isinstance(self.origin, TypesetPage) else None
-            )
+            has_outline = region is None and not isinstance(self.origin, TypesetPage)
+            if has_outline:
+                self.outlines.prepare()
+            begin = self.outlines.begin if has_outline else None
             analysis = analyse_photo(self.halves, region, clock=self.clock, on_text=begin)
             release_freed_memory()
             self.other_sheet = analysis.window is not None
-            if region is None and not analysis.facing_page and not isinstance(self.origin, TypesetPage):
+            if has_outline and not analysis.facing_page:
                 self.seek_outline(analysis)
             beside = text_beside(analysis, self.outline)
             if self.outline is not None and beside == "texture":

@@ -1,6 +1,7 @@
 """The search for the sheet's outline, beside that for the directions of its text where a processor is spare."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from services.imaging.reduction import Halves
 from services.rectify.analysis.found_text import FoundText
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.sheet.outline.detection import OutlineParameters, find_outline
+from services.sheet.outline.reduced_photo import LEAST_SIDE_PX, ReducedPhoto, reduce_photo
 from services.sheet.outline.results import SheetOutline
 from services.sheet.plane.outline_plane import SheetSides, read_sides
 from services.side_by_side import SideStep
@@ -33,10 +35,19 @@ class OutlineSearch:
         self._parameters = parameters
         self._begun: tuple[FoundText, SideStep[_Seen]] | None = None
         self._read: _Seen | None = None
+        self._reducing: SideStep[ReducedPhoto] | None = None
+
+    def prepare(self) -> None:
+        """Begin to reduce the photo, if a processor is spare: that needs no text."""
+        if min(self._photo.image.shape[:2]) >= LEAST_SIDE_PX:
+            step = SideStep(partial(reduce_photo, self._photo))
+            self._reducing = step if step.is_beside else None
 
     def begin(self, seen: FoundText) -> None:
         """Begin, if a processor is spare, with all text that was `seen`: mostly all of it lies on the sheet."""
-        self.end()
+        self._end_search()
+        if self._reducing is not None:
+            self._reducing.result()
         step = SideStep(lambda: self._seek_and_read(seen))
         if step.is_beside:
             self._begun = seen, step
@@ -44,7 +55,7 @@ class OutlineSearch:
     def find(self, seen: FoundText | PageAnalysis | None) -> SheetOutline | None:
         """The outline of the sheet on which the text is that was `seen`; None where no sheet's edge is seen."""
         if seen is None:
-            self.end()
+            self._end_search()
             return self._seek(None)
         if self._begun is not None:
             before, step = self._begun
@@ -52,7 +63,7 @@ class OutlineSearch:
             if is_same and np.array_equal(before.characters, seen.characters):
                 self._read = step.result()
                 return self._read[0]
-            self.end()
+            self._end_search()
         return self._seek(seen)
 
     def find_in_view(self, seen: FoundText | PageAnalysis) -> SheetOutline | None:
@@ -67,17 +78,23 @@ class OutlineSearch:
         return read_sides(outline, self._view, self._prior)
 
     def end(self) -> None:
-        """Wait for a search that has begun, and forget it."""
+        """Wait for what has begun, and forget it."""
+        self._end_search()
+        if self._reducing is not None:
+            self._reducing.end()
+            self._reducing = None
+
+    def _end_search(self) -> None:
         if self._begun is not None:
             self._begun[1].end()
             self._begun = None
 
     def _seek(self, seen: FoundText | PageAnalysis | None) -> SheetOutline | None:
-        if seen is None:
-            return find_outline(self._photo, None, self._parameters)
+        if seen is None or seen.window is None:
+            characters = None if seen is None else seen.characters
+            reduced = None if self._reducing is None else self._reducing.result()
+            return find_outline(self._photo, characters, self._parameters, reduced)
         characters = seen.characters
-        if seen.window is None:
-            return find_outline(self._photo, characters, self._parameters)
         x0, y0, x1, y1 = (max(round(v), 0) for v in seen.window)
         part = self._photo.image[y0:y1, x0:x1]
         outline = find_outline(part, characters - (x0, y0), self._parameters)

@@ -39,7 +39,7 @@ from services.sheet.outline.edges import (
     resample_closed,
 )
 from services.sheet.outline.print_place import place_print
-from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
+from services.sheet.outline.reduced_photo import LEAST_SIDE_PX, ReducedPhoto, medium_photo, reduce_photo
 from services.sheet.outline.results import (
     BELIEVED_CONFIDENCE,
     CERTAIN_CONFIDENCE,
@@ -117,6 +117,7 @@ def find_outline(
     photo: RgbImage | Halves,
     characters: Points | None = None,
     parameters: OutlineParameters | None = None,
+    reduced: ReducedPhoto | None = None,
 ) -> SheetOutline | None:
     """The sheet's boundary in `photo` (H, W, 3); None where no sheet's edge is seen.
 
@@ -124,12 +125,14 @@ def find_outline(
     ----------
     characters
         (N, 2) centres of printed characters, photo pixels, where text was found.
+    reduced
+        What `reduce_photo` makes of the photo, where that is known.
     """
     p = parameters or OutlineParameters()
     halves = Halves.of(photo)
-    if min(halves.image.shape[:2]) < 64:
+    if min(halves.image.shape[:2]) < LEAST_SIDE_PX:
         return None
-    reduced = reduce_photo(halves)
+    reduced = reduced or reduce_photo(halves)
     candidates: list[Candidate] = []
     on_sheet: Points = np.zeros((0, 2))
     # Print shows that there is a sheet: without, furniture parts the colours as well.

@@ -15,7 +15,7 @@ from services.imaging.components import label_components
 from services.imaging.reduction import Halves
 from services.sheet.outline.candidates import Candidate
 from services.sheet.outline.detection import RATED_SHARE, measure_candidate
-from services.sheet.outline.reduced_photo import ReducedPhoto, medium_photo, reduce_photo
+from services.sheet.outline.reduced_photo import LEAST_SIDE_PX, ReducedPhoto, medium_photo, reduce_photo
 from services.sheet.outline.results import BELIEVED_CONFIDENCE, SheetOutline
 from services.sheet.outline.scoring import rate_curve
 
@@ -31,7 +31,7 @@ CONVEX = 0.8
 def find_even_area(photo: RgbImage | Halves) -> SheetOutline | None:
     """The outline of the even area in `photo` (H, W, 3) whose four sides are seen best; None if there is none."""
     halves = Halves.of(photo)
-    if min(halves.image.shape[:2]) < 64:
+    if min(halves.image.shape[:2]) < LEAST_SIDE_PX:
         return None
     reduced = reduce_photo(halves)
     best: SheetOutline | None = None

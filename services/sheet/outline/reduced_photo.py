@@ -24,6 +24,8 @@ UNREST_FACTOR = 3.0
 """... this many times the variation of the photo, ..."""
 UNREST_PERCENTILE = 80.0
 """... which is this percentile of the differences over three pixels: 0.6-1.1 on plain grounds, 2-5 on wood."""
+LEAST_SIDE_PX = 64
+"""Of a photo in which a sheet is looked for."""
 BAND_LEVEL = 10
 """Brightness of padding at most; JPEG leaves some."""
 BAND_DIFFERENCE = 2
