@@ -140,6 +140,12 @@ class TurnedImage(ctypes.Structure):
     )
 
 
+class Placing(ctypes.Structure):
+    """`struct placing` of `light.c`."""
+
+    _fields_ = tuple((name, ctypes.c_float) for name in ("x_factor", "x_shift", "y_factor", "y_shift"))
+
+
 class Threshold(ctypes.Structure):
     """`struct threshold` of `masks.c`."""
 
@@ -161,6 +167,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "flatten_part": (_IMAGE, _IMAGE, ctypes.POINTER(Placing), _IMAGE),
     "keep_labels": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32, _ADDRESS),
     "label_mask": (_IMAGE, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),

@@ -24,6 +24,7 @@ from services.imaging.components import (
     sum_distances,
     sum_distances_plain,
 )
+from services.imaging.illumination import flatten_part, flatten_part_plain
 from services.kernels.library import find_kernels
 from services.texture_flow.projection_profiles import (
     WindowShape,
@@ -155,3 +156,19 @@ def test_turned_windows(seed: int, count: int, half: int, reach: int) -> None:
 def test_profiles_beyond_a_turned_image_are_refused() -> None:
     with pytest.raises(ValueError, match="lie in the image"):
         measure_turned(np.zeros((20, 20), np.float32), np.array([[3, 10]]), 4, 5, np.zeros((1, 2)))
+
+
+@given(SHAPES, array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=40), SEEDS, st.floats(0.01, 1.5))
+def test_parts_in_even_light(shape: tuple[int, ...], lit: tuple[int, ...], seed: int, factor: float) -> None:
+    rng = np.random.default_rng(seed)
+    part, light = (rng.integers(0, 256, size, np.uint8) for size in (shape, lit))
+    shift = rng.uniform(-20, 40, 2)
+    light_from_part = np.array([[factor, 0.0, shift[0]], [0.0, 0.9 * factor, shift[1]]])
+    ours = flatten_part(part, light, light_from_part)
+    assert np.array_equal(ours, flatten_part_plain(part, light, light_from_part))
+
+
+def test_turned_parts_are_refused() -> None:
+    image = np.ones((9, 9), np.uint8)
+    with pytest.raises(ValueError, match="axes"):
+        flatten_part(image, image, np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0]]))
