@@ -205,7 +205,8 @@ def _measure_light(gray: GrayImage, characters: Points, height_px: float) -> tup
     glare = 0.0
     if np.median(around) < _WHITE_PAPER:
         blobs = np.asarray(cv2.morphologyEx(bright, cv2.MORPH_OPEN, kernel), np.uint8)
-        glare = float(_without_print(blobs, kernel, places, len(characters) / area).sum()) / area
+        if blobs.any():
+            glare = float(_without_print(blobs, kernel, places, len(characters) / area).sum()) / area
     dark = np.asarray((small <= _SHADOW_LEVEL) & (page > 0), np.uint8)
     return glare, float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area
 

@@ -1,5 +1,6 @@
 """Uneven illumination: its estimation, and its removal for analysis."""
 
+import ctypes
 from collections.abc import Sequence
 
 import cv2
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import GrayImage
 from services.imaging.channels import luminance
 from services.imaging.reduction import GROUND_PX
+from services.kernels.library import Placing, find_kernels, image_of, is_packed
 
 PRINT_SHARE = 1 / 45
 """Of the long side of a page: wider than the widest stroke (6 mm on A4), and than a line of print."""
@@ -73,8 +75,23 @@ def divide_by_light(gray: GrayImage, light: GrayImage) -> GrayImage:
 def flatten_part(part: GrayImage, light: GrayImage, light_from_part: NDArray[np.float64]) -> GrayImage:
     """`part` (H, W) of an image divided by the image's `reduced_light`.
 
-    `light_from_part` (2, 3) maps pixels of the part to pixels of the light.
+    `light_from_part` (2, 3) maps pixels of the part to pixels of the light; axes stay as they are.
     """
+    kernels = find_kernels()
+    if light_from_part[0, 1] != 0 or light_from_part[1, 0] != 0:
+        raise ValueError("a part lies along its image's axes")
+    if kernels is None or not (is_packed(part) and is_packed(light) and part.size and light.size):
+        return flatten_part_plain(part, light, light_from_part)
+    flat = np.empty(part.shape, np.uint8)
+    placing = Placing(*light_from_part[0, [0, 2]], *light_from_part[1, [1, 2]])
+    images = [ctypes.byref(image_of(image)) for image in (part, light, flat)]
+    if not kernels.flatten_part(*images[:2], ctypes.byref(placing), images[2]):
+        raise MemoryError
+    return flat
+
+
+def flatten_part_plain(part: GrayImage, light: GrayImage, light_from_part: NDArray[np.float64]) -> GrayImage:
+    """`flatten_part` without a kernel."""
     background = cv2.warpAffine(
         light,
         light_from_part,

@@ -8,6 +8,8 @@
 
 /* The processor is asked once, in `usable`. */
 #define AVX2 __attribute__((target("avx2")))
+/* The same, with sums of products that are rounded once; only where they are written so. */
+#define FUSED __attribute__((target("avx2,fma")))
 
 /* Places farther away than any image ends, and whose steps fit into 32 bits. */
 #define FARTHEST_PX 1000000.0f

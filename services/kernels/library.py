@@ -121,6 +121,37 @@ class Search(ctypes.Structure):
     )
 
 
+class TextWindows(ctypes.Structure):
+    """`struct windows` of `slopes.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("centres", "along", "across", "shifts", "weights")),
+        *((name, ctypes.c_int32) for name in ("count", "rows", "columns", "margin", "strips", "slopes")),
+    )
+
+
+class TurnedImage(ctypes.Structure):
+    """`struct turned` of `slopes.c`."""
+
+    _fields_ = (
+        ("pixels", ctypes.c_void_p),
+        ("stride", ctypes.c_ssize_t),
+        *((name, ctypes.c_int32) for name in ("width", "height", "reach", "half")),
+    )
+
+
+class Placing(ctypes.Structure):
+    """`struct placing` of `light.c`."""
+
+    _fields_ = tuple((name, ctypes.c_float) for name in ("x_factor", "x_shift", "y_factor", "y_shift"))
+
+
+class Threshold(ctypes.Structure):
+    """`struct threshold` of `masks.c`."""
+
+    _fields_ = (("k", ctypes.c_float), ("contrast", ctypes.c_float), ("half", ctypes.c_int32))
+
+
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, SheetTables, SheetPoints))
 _ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, MeshNodes, Search))
@@ -136,10 +167,16 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "flatten_part": (_IMAGE, _IMAGE, ctypes.POINTER(Placing), _IMAGE),
+    "keep_labels": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32, _ADDRESS),
+    "label_mask": (_IMAGE, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "piece_costs": (*(_ADDRESS,) * 2, _SIZE, *(_ADDRESS,) * 2, _SIZE, _ADDRESS, _SIZE, _DOUBLE, _ADDRESS),
+    "measure_labels": (_IMAGE, _ADDRESS, ctypes.c_int32, _ADDRESS, _ADDRESS),
+    "measure_turned": (ctypes.POINTER(TurnedImage), _ADDRESS, _SIZE, _ADDRESS, _SIZE, _SIZE),
+    "measure_windows": (_IMAGE, ctypes.POINTER(TextWindows), *(_ADDRESS,) * 4),
     "polygon_distances": (_ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
@@ -148,6 +185,9 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "score_rays": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _ADDRESS, _SIZE, _SIZE, *(_DOUBLE,) * 2, _ADDRESS),
     "see_points": (_SHEET, _ADDRESS, _SIZE, _DOUBLE, _ADDRESS),
     "smooth_colors": (_ADDRESS, _ADDRESS),
+    "spread_mask": (_IMAGE, _IMAGE, _INT, _INT),
+    "sum_distances": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32),
+    "threshold_windows": (_IMAGE, _IMAGE, _IMAGE, ctypes.POINTER(Threshold)),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "unroll_points": (_SHEET, _POINTS),
     "usable": (),

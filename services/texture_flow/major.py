@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Points, Vector
+from services.arrays import Mask, Points, Vector
 from services.geometry.homographies import to_resized
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.projection_profiles import (
+    WindowShape,
+    measure_windows,
     parabola_peak,
-    sample_windows,
     scan_directions,
-    scan_slopes,
 )
 from services.texture_flow.regression import OUTLIER_RAD, reject_outliers, smooth_samples
 from services.texture_flow.relaxation import find_peaks, label_by_relaxation
@@ -59,14 +59,11 @@ class MajorFlowParameters:
 
 @dataclass(frozen=True, slots=True)
 class _Window:
-    """Sampling of the fine windows: steps in pixels, size, rows in reserve for slopes, column sums."""
+    """Sampling of the fine windows: steps in pixels, and the shape."""
 
     along_px: float
     across_px: float
-    rows: int
-    columns: int
-    margin: int
-    strips: int
+    shape: WindowShape
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,11 +155,10 @@ def refine_major_flow(
     def window_for(slopes: Vector) -> _Window:
         margin = int(np.ceil(columns / 2 * abs(slopes[0]) * along / across)) + 4
         rows = int(FINE_WINDOW[1] * unit / across) + 2 * margin
-        return _Window(along, across, rows, columns, margin, STRIPS)
+        return _Window(along, across, WindowShape(rows, columns, margin, STRIPS))
 
-    ink = text.ink.astype(np.float32)
     theta = field.at(centres)
-    slope, inner, weight, places = _measure_slopes(ink, centres, theta, slopes, window_for(slopes))
+    slope, inner, weight, places = _measure_slopes(text.ink, centres, theta, slopes, window_for(slopes))
     # Where the coarse field was off, the window is turned by what its neighbours found and measured once more.
     for _ in range(p.repeats):
         samples = _fine_samples(places, theta, slope, np.where(inner, weight, 0.0))
@@ -175,9 +171,11 @@ def refine_major_flow(
         off = np.abs(angle_difference(found, expected)) > REMEASURE_RAD
         again = (np.abs(slope) > REMEASURE_SLOPE) | off | ~inner
         if not again.any():
-            break
+            return MajorFlow(samples, dense)
         theta[again] = expected[again]
-        measured = _measure_slopes(ink, centres[again], theta[again], wide_slopes, window_for(wide_slopes))
+        measured = _measure_slopes(
+            text.ink, centres[again], theta[again], wide_slopes, window_for(wide_slopes)
+        )
         slope[again], inner[again], weight[again], places[again] = measured
     samples = _fine_samples(places, theta, slope, np.where(inner, weight, 0.0))
     samples = reject_outliers(samples, sigma, shape, OUTLIER_RAD, order=2)
@@ -194,7 +192,7 @@ def _fine_samples(places: Points, theta: Vector, slope: Vector, weight: Vector) 
 
 
 def _measure_slopes(
-    ink: NDArray[np.float32], centres: Points, theta: Vector, slopes: Vector, window: _Window
+    ink: Mask, centres: Points, theta: Vector, slopes: Vector, window: _Window
 ) -> tuple[Vector, NDArray[np.bool_], Vector, Points]:
     """Slope of the profile's peak against `theta`, whether it is an inner peak, its weight and place, for every window.
 
@@ -203,14 +201,10 @@ def _measure_slopes(
     """
     along = window.along_px * np.stack([np.cos(theta), np.sin(theta)], axis=1)
     across = window.across_px * np.stack([-np.sin(theta), np.cos(theta)], axis=1)
-    windows = sample_windows(ink, centres, along, across, (window.rows, window.columns))
     rows_per_column = slopes * window.along_px / window.across_px
-    energies, amount = scan_slopes(windows, rows_per_column, window.margin, window.strips)
+    energies, amount, aside = measure_windows(ink, centres, along, across, rows_per_column, window.shape)
     slope, inner = parabola_peak(energies, slopes)
     mean = energies.mean(axis=1)
     contrast = (energies.max(axis=1) - energies.min(axis=1)) / np.where(mean > 0, mean, 1.0)
-    middle = windows[:, window.margin : window.rows - window.margin]
-    offset = np.arange(window.columns, dtype=np.float32) - (window.columns - 1) / 2
-    aside = np.einsum("nrc,c->n", middle, offset) / np.maximum(middle.sum(axis=(1, 2)), 1e-6)
     places = centres + aside[:, None] * along
     return slope, inner, np.clip(contrast / 0.6, 0, 1) * amount, places

@@ -5,14 +5,40 @@ There are two scans: a coarse one over the half circle of directions, on a regul
 a few degrees around a known direction, at any points.
 """
 
+import ctypes
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import saxpy
 
-from services.arrays import Floats, Points, Vector
+from services.arrays import Floats, Mask, Points, Vector
+from services.kernels.library import TextWindows, TurnedImage, address, find_kernels, image_of
 
 Energies = Floats
+_LEAST_INK = np.float32(1e-6)
+"""A window without ink has its centroid in the middle."""
+
+
+class WindowShape(NamedTuple):
+    """Rows and columns of windows, rows in reserve above and below for slopes, and strips of columns."""
+
+    rows: int
+    columns: int
+    margin: int
+    strips: int
+
+
+class WindowFigures(NamedTuple):
+    """Of N windows: `energies` (N, S) along the slopes, and the `amount` (N,) of smoothed ink in the central rows.
+
+    `aside` (N,) is how far the centroid of that ink lies from the middle, in columns.
+    """
+
+    energies: Energies
+    amount: NDArray[np.float32]
+    aside: NDArray[np.float32]
 
 
 def scan_directions(
@@ -21,18 +47,18 @@ def scan_directions(
     """Energies (N, 2 A) of windows at `centres` (N, 2), along the directions `quarter` (A,) and those at right angles.
 
     `window` is its width along the direction and its height across, px. The image is rotated until a direction is
-    horizontal. Box filters along the rows then give the profiles of all windows together, box filters along the columns
-    those of the direction a quarter turn further.
+    horizontal. Sums along the rows are then its profiles, sums along the columns those of the direction a quarter turn
+    further.
     """
     if not len(centres):
         return np.empty((0, 2 * len(quarter)))
     rows, columns = ink.shape
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     width, height = (max(round(v) | 1, 3) for v in window)
-    reach = np.arange(-(height // 2), height // 2 + 1)
+    reach = height // 2
     # Half a window is added on all sides for the windows that reach beyond the turned image.
-    side = int(np.ceil(np.hypot(rows, columns))) + 2 + 2 * (height // 2)
-    profiles = np.empty((len(centres), 2, len(quarter), len(reach)), np.float32)
+    side = int(np.ceil(np.hypot(rows, columns))) + 2 + 2 * reach
+    energies = np.empty((len(centres), 2, len(quarter)))
     corners = np.array([[0, 0], [columns - 1, 0], [0, rows - 1], [columns - 1, rows - 1]])
     for k, angle in enumerate(quarter):
         c, s = np.cos(angle), np.sin(angle)
@@ -42,16 +68,104 @@ def scan_directions(
         at = np.round(centres @ turn.T + shift).astype(int)
         # Beyond the ink and the windows, sums are of nothing and for nothing.
         ends = corners @ turn.T + shift
-        low = np.minimum(np.floor(ends.min(axis=0)).astype(int) - 2, at.min(axis=0) + reach[0])
-        high = np.maximum(np.ceil(ends.max(axis=0)).astype(int) + 3, at.max(axis=0) + reach[-1] + 1)
+        low = np.minimum(np.floor(ends.min(axis=0)).astype(int) - 2, at.min(axis=0) - reach)
+        high = np.maximum(np.ceil(ends.max(axis=0)).astype(int) + 3, at.max(axis=0) + reach + 1)
         low, high = np.maximum(low, 0), np.minimum(high, side)
-        turned = turned[low[1] : high[1], low[0] : high[0]]
-        x, y = (at - low).T
-        for which, (box, step) in enumerate((((width, 1), turned.shape[1]), ((1, width), 1))):
-            summed = cv2.blur(turned, box, borderType=cv2.BORDER_CONSTANT | cv2.BORDER_ISOLATED)
-            places = (y * turned.shape[1] + x)[:, None] + reach * step
-            profiles[:, which, k] = np.asarray(summed).ravel().take(places)
-    return np.asarray(profiles.std(axis=-1, dtype=np.float32).reshape(len(centres), -1), np.float64)
+        part = np.asarray(turned[low[1] : high[1], low[0] : high[0]], np.float32)
+        measure_turned(part, at - low, reach, width, energies[:, :, k])
+    return energies.reshape(len(centres), -1)
+
+
+def measure_turned(
+    turned: NDArray[np.float32], places: NDArray[np.int_], reach: int, width: int, energies: Floats
+) -> None:
+    """Energies (N, 2) of the windows with the middles `places` (N, 2), in pixels (x, y) of the `turned` ink (H, W).
+
+    First of the profile of rows, `reach` up and down from the middle, whose ink is added up over an odd `width`; then
+    of that of columns. Profiles lie in the image; what is added up may lie beyond it, where there is nothing.
+    """
+    kernels = find_kernels()
+    if kernels is None or turned.strides[1] != turned.itemsize:
+        return measure_turned_plain(turned, places, reach, width, energies)
+    if (places - reach < 0).any() or (places + reach >= turned.shape[::-1]).any() or width % 2 == 0:
+        raise ValueError("profiles lie in the image, and windows have a middle")
+    if energies.shape != (len(places), 2):
+        raise ValueError("each window has two energies")
+    height, columns = turned.shape
+    image = TurnedImage(
+        address(turned), turned.strides[0] // turned.itemsize, columns, height, reach, width // 2
+    )
+    steps = (step // energies.itemsize for step in energies.strides)
+    at = np.ascontiguousarray(places, np.int32)
+    if not kernels.measure_turned(ctypes.byref(image), address(at), len(at), address(energies), *steps):
+        raise MemoryError
+    return None
+
+
+def measure_turned_plain(
+    turned: NDArray[np.float32], places: NDArray[np.int_], reach: int, width: int, energies: Floats
+) -> None:
+    """`measure_turned` without a kernel: box filters give the profiles of all windows together."""
+    x, y = places.T
+    offsets = np.arange(-reach, reach + 1)
+    for which, (box, step) in enumerate((((width, 1), turned.shape[1]), ((1, width), 1))):
+        summed = cv2.blur(turned, box, borderType=cv2.BORDER_CONSTANT | cv2.BORDER_ISOLATED)
+        at = (y * turned.shape[1] + x)[:, None] + offsets * step
+        energies[:, which] = np.asarray(summed).ravel().take(at).std(axis=-1, dtype=np.float32)
+
+
+def measure_windows(
+    ink: Mask, centres: Points, along: Floats, across: Floats, slopes: Vector, shape: WindowShape
+) -> WindowFigures:
+    """Windows of `ink` (H, W), as of `sample_windows`, projected along rows of `slopes` (S,), as of `scan_slopes`.
+
+    The kernel adds in the order of NumPy, BLAS and OpenCV, so that the numbers are theirs to the last bit. NumPy adds
+    along a single window in another order.
+    """
+    kernels = find_kernels()
+    if kernels is None or len(centres) == 1:
+        return measure_windows_plain(ink, centres, along, across, slopes, shape)
+    offsets = slopes[:, None] * _middles_of_strips(shape.columns, shape.strips)
+    whole = np.floor(offsets)
+    if min(centres.shape[0], along.shape[0], across.shape[0]) < len(centres) or shape.columns < shape.strips:
+        raise ValueError("each window has a place and steps, and each strip a column")
+    if np.abs(whole).max(initial=0) + 2 > shape.margin or shape.rows <= 2 * shape.margin:
+        raise ValueError("shifts are within the margin")
+    shifts = whole.astype(np.int32)
+    weights = np.ascontiguousarray(np.moveaxis(catmull_rom(offsets - whole), 0, -1))
+    at, du, dv = (np.ascontiguousarray(a, np.float32) for a in (centres, along, across))
+    count = len(at)
+    energies = np.empty((count, len(slopes)))
+    amount, mass, moment = (np.empty(count, np.float32) for _ in range(3))
+    windows = TextWindows(
+        *(address(array) for array in (at, du, dv, shifts, weights)),
+        *(count, shape.rows, shape.columns, shape.margin, shape.strips, len(slopes)),
+    )
+    image = image_of(np.ascontiguousarray(ink).view(np.uint8))
+    outputs = (address(array) for array in (energies, amount, mass, moment))
+    if not kernels.measure_windows(ctypes.byref(image), ctypes.byref(windows), *outputs):
+        raise MemoryError
+    return WindowFigures(energies, amount, np.asarray(moment / np.maximum(mass, _LEAST_INK), np.float32))
+
+
+def measure_windows_plain(
+    ink: Mask, centres: Points, along: Floats, across: Floats, slopes: Vector, shape: WindowShape
+) -> WindowFigures:
+    """`measure_windows` without a kernel."""
+    windows = sample_windows(ink.astype(np.float32), centres, along, across, (shape.rows, shape.columns))
+    energies, amount = scan_slopes(windows, slopes, shape.margin, shape.strips)
+    middle = windows[:, shape.margin : shape.rows - shape.margin]
+    offset = np.arange(shape.columns, dtype=np.float32) - (shape.columns - 1) / 2
+    mass = np.maximum(middle.sum(axis=(1, 2)), _LEAST_INK)
+    return WindowFigures(
+        energies, amount, np.asarray(np.einsum("nrc,c->n", middle, offset) / mass, np.float32)
+    )
+
+
+def _middles_of_strips(columns: int, strips: int) -> Vector:
+    """Places (strips,) of the middles of strips, in columns from the windows' middle."""
+    width = columns // strips
+    return np.asarray((np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2)
 
 
 def sample_windows(
@@ -83,7 +197,7 @@ def sample_windows(
 
 def scan_slopes(
     windows: NDArray[np.float32], slopes: Vector, margin: int, strips: int
-) -> tuple[Energies, Floats]:
+) -> tuple[Energies, NDArray[np.float32]]:
     """Energies (N, S) of `windows` (N, rows, columns) projected along rows of slope `slopes` (S,).
 
     A window is first summed to `strips` column sums. A slope then only shifts these relative to each other, by cubic
@@ -93,7 +207,7 @@ def scan_slopes(
     """
     count, rows, columns = windows.shape
     if count == 0:  # BLAS takes no empty vectors
-        return np.empty((0, len(slopes))), np.zeros(0)
+        return np.empty((0, len(slopes))), np.zeros(0, np.float32)
     width = columns // strips
     sums = np.repeat(np.eye(strips, dtype=np.float32), width, axis=0)
     summed = windows[:, :, : width * strips].reshape(-1, width * strips) @ sums
@@ -101,7 +215,7 @@ def scan_slopes(
     used = np.ascontiguousarray(summed.reshape(count, rows, strips).transpose(2, 1, 0))
     for _ in range(2):  # ink is binary; the smoothing makes the peak suitable for a parabola
         used[:, 1:-1] = 0.25 * used[:, :-2] + 0.5 * used[:, 1:-1] + 0.25 * used[:, 2:]
-    offset_of = (np.arange(strips) + 0.5) * width - 0.5 - (columns - 1) / 2
+    offset_of = _middles_of_strips(columns, strips)
     height = rows - 2 * margin
     energies = np.empty((count, len(slopes)))
     for k, slope in enumerate(slopes):
@@ -116,8 +230,8 @@ def scan_slopes(
     return energies, used[:, margin : margin + height].sum(axis=(0, 1))
 
 
-def catmull_rom(t: float) -> NDArray[np.float32]:
-    """Weights (4,) of the samples at -1, 0, 1, 2 for the value at 0 <= t < 1."""
+def catmull_rom(t: float | Floats) -> NDArray[np.float32]:
+    """Weights (4, ...) of the samples at -1, 0, 1, 2 for the values at 0 <= t < 1, of any shape (...)."""
     return np.array(
         [
             -0.5 * t + t**2 - 0.5 * t**3,

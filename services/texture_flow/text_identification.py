@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from services.arrays import GrayImage, Mask, Points, Vector
-from services.imaging.components import label_components
-from services.imaging.row_bands import row_bands
+from services.imaging.binary_masks import close_mask, threshold_by_windows
+from services.imaging.components import keep_components, label_components, sum_distances
 from services.robust import robust_scale
 
 FEWEST_CHARACTERS = 30
@@ -102,30 +102,16 @@ def detect_edges(gray: GrayImage) -> Mask:
 
 def find_text_area(edges: Mask, diameter_px: float) -> Mask:
     """Closing of the edges, which fills the gaps between strokes, words and lines (step 2 of 2.3.1)."""
-    size = max(int(diameter_px) | 1, 3)
-    kernel = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
-    return np.asarray(cv2.morphologyEx(edges.view(np.uint8), cv2.MORPH_CLOSE, kernel)).view(np.bool_)
+    return close_mask(edges, max(int(diameter_px) | 1, 3))
 
 
 def binarize_niblack(gray: GrayImage, area: Mask, window_px: float, k: float, contrast: float) -> Mask:
     """Niblack's threshold mean + k deviation inside `area` (step 3 of 2.3.1).
 
     Windows whose deviation is below `contrast` hold no ink: without that guard Niblack's method draws
-    the grain of empty paper. Sums of squares hold windows of up to 181 px: photos are analysed at a seventh of that.
+    the grain of empty paper. Windows are of at most 181 px: photos are analysed at a seventh of that.
     """
-    size = max(int(window_px) | 1, 5)
-    ink = np.zeros(gray.shape, bool)
-    for rows, seen, inner in row_bands(len(gray), size // 2):
-        values = gray[seen]
-        mean = cv2.boxFilter(values, cv2.CV_32F, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
-        square = cv2.sqrBoxFilter(values, cv2.CV_32F, (size, size), borderType=cv2.BORDER_REFLECT)[inner]
-        # In place: new arrays of this size cost more than the sums.
-        deviation = np.subtract(square, mean * mean, out=square)
-        np.sqrt(np.maximum(deviation, 0.0, out=deviation), out=deviation)
-        seen_ink = area[rows] & (deviation > contrast)
-        threshold = np.add(mean, np.multiply(deviation, k, out=deviation), out=mean)
-        ink[rows] = seen_ink & (values[inner] < threshold)
-    return ink
+    return threshold_by_windows(gray, area, max(int(window_px) | 1, 5), k, contrast)
 
 
 def keep_characters(text: IdentifiedText, kept: NDArray[np.bool_]) -> IdentifiedText:
@@ -184,11 +170,7 @@ def _ink_of(kept: NDArray[np.integer[Any]], count: int, ink: Mask, label_image: 
     """Those pixels of `ink` (H, W) whose component, of `count`, is among the `kept` (K,)."""
     chosen = np.zeros(count, bool)
     chosen[kept] = True
-    # Little of a page is ink: looking up its pixels alone takes a third of the time.
-    at = np.flatnonzero(ink)
-    found = np.zeros(ink.size, bool)
-    found[at] = chosen[label_image.ravel()[at]]
-    return found.reshape(ink.shape)
+    return keep_components(ink, label_image, chosen)
 
 
 def _sizes(stats: NDArray[np.int32]) -> Vector:
@@ -234,9 +216,7 @@ def measure_strokes(ink: Mask, label_image: NDArray[np.int32], area: Vector) -> 
 
     The pixels across a stroke of width w are 1, 2, ... w/2, ... 2, 1 from the ground: (w + 2) / 4 on average.
     """
-    distance = np.asarray(cv2.distanceTransform(ink.view(np.uint8), cv2.DIST_L2, 3))
-    at = np.flatnonzero(ink)
-    total = np.bincount(label_image.ravel()[at], weights=distance.ravel()[at], minlength=len(area))
+    total = sum_distances(ink, label_image, len(area))
     return np.asarray(4 * total / np.maximum(area, 1) - 2)
 
 

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
-import numpy as np
-
 from services.arrays import Floats, GrayImage, Mask, Points
 from services.geometry.homographies import resizing
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.binary_masks import close_mask, spread_mask
 
 MOST_PIXELS = 8e6
 """Bound of a flat view in which lines are sought, for every shape."""
@@ -38,21 +36,8 @@ class TracedText:
     def filled_area(self) -> Mask:
         """`area` with the words that were not found as text: these lie between others that were."""
         side = max(round(CLOSING * self.height_px * self.factor), 1) | 1
-        beyond = ~_near(self.area, side)
-        closed = ~_near(beyond, side)
-        return cv2.dilate(closed.view(np.uint8), np.ones((side // 4 | 1, side // 4 | 1), np.uint8)) > 0
+        return spread_mask(close_mask(self.area, side), side // 4 | 1)
 
     def H_reduced_centred(self, view: PhotoFrame) -> Floats:
         """From the centred unit coordinates of `view` to pixels of `gray`."""
         return resizing(self.factor) @ view.H_photo_centred
-
-
-def _near(mask: Mask, side: int) -> Mask:
-    """Pixels with one of the `mask` in the square of the odd `side` round them.
-
-    A sum over a square costs the same at any side, a dilation as much as its side is long.
-    """
-    count = cv2.boxFilter(
-        mask.view(np.uint8), cv2.CV_32F, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT
-    )
-    return np.asarray(count > 0.5)

@@ -99,11 +99,12 @@ def flatten_darkness(
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
     area = text_area.astype(np.uint8) * 255
-    darkness = np.empty((height, width), np.float32)
+    of_level = np.clip((235.0 - np.arange(256, dtype=np.float32)) / 235.0, 0.0, 1.0)
+    darkness = np.zeros((height, width), np.float32)
     for band, at in sampling_maps(page_map, width, height, scale, offset, H_gray_centred):
-        flat = take_values(gray, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, 255.0).astype(np.float32)
+        flat = take_values(gray, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, 255.0)
         inside = take_values(area, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT) > 127
-        darkness[band] = np.where(inside, np.clip((235.0 - flat) / 235.0, 0.0, 1.0), 0.0)
+        np.copyto(darkness[band], cv2.LUT(flat, of_level), where=inside)
     return FlatGray(darkness, scale, offset, text_height * grow * scale)
 
 
