@@ -98,11 +98,21 @@ def choose_windows(count: int, most: int = WINDOWS) -> NDArray[np.intp]:
 
 def cut_patches(gray: GrayImage, at: Points, half: int) -> Patches:
     """Squares of 2 `half` + 1 pixels of `gray` (H, W) round the points `at` (N, 2); the border is repeated outside."""
-    reach = np.arange(-half, half + 1)
-    middle = np.round(at).astype(int)
-    x = np.clip(middle[:, :1] + reach, 0, gray.shape[1] - 1)
-    y = np.clip(middle[:, 1:] + reach, 0, gray.shape[0] - 1)
-    return gray[y[:, :, None], x[:, None, :]].astype(np.float32)
+    side = 2 * half + 1
+    patches = np.empty((len(at), side, side), np.float32)
+    first = np.round(at).astype(int) - half
+    last = np.array(gray.shape[::-1]) - side
+    inside = np.all((first >= 0) & (first <= last), axis=1)
+    for patch, (x, y), is_inside in zip(patches, first, inside, strict=True):
+        if is_inside:
+            patch[...] = gray[y : y + side, x : x + side]
+        else:
+            rows, columns = (
+                np.clip(np.arange(begin, begin + side), 0, size - 1)
+                for begin, size in zip((y, x), gray.shape, strict=True)
+            )
+            patch[...] = gray[rows[:, None], columns]
+    return patches
 
 
 def _centre(sigma_px: float) -> float:

@@ -65,11 +65,15 @@ class MinorFlowParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrokeEdges:
-    """Edge pixels that cross the major flow: `points` (E, 2), tangent `angles` (E,) rad, `strengths` (E,)."""
+    """Edge pixels that cross the major flow: `points` (E, 2), tangent `angles` (E,) rad, `strengths` (E,).
+
+    `lines` (E,) is the major flow there, rad.
+    """
 
     points: NDArray[np.float32]
     angles: NDArray[np.float32]
     strengths: NDArray[np.float32]
+    lines: Vector
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,8 +115,9 @@ def detect_stroke_edges(
     points = np.stack([x, y], axis=1, dtype=np.float32)
     # The tangent is perpendicular to the gradient.
     angles = np.arctan2(gx, -gy)
-    clear = np.flatnonzero(np.abs(angle_difference(angles, major.at(points))) > CROSSING_RAD)
-    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear])
+    lines = major.at(points)
+    clear = np.flatnonzero(np.abs(angle_difference(angles, lines)) > CROSSING_RAD)
+    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear], lines[clear])
 
 
 def _strong_edges(
@@ -226,7 +231,7 @@ def estimate_minor_flow(
     alive = population >= MIN_EDGES
     if not alive.any():
         return None
-    perpendicular = major.at(edges.points) + np.pi / 2
+    perpendicular = edges.lines + np.pi / 2
     deviation = angle_difference(edges.angles, perpendicular)
     curves, directions = strength_curves(which, count, deviation, edges.strengths, np.pi / 2, COARSE_BIN_RAD)
     shared = _share(curves, (rows, columns), 1.0, COARSE_SIGMA_RAD / COARSE_BIN_RAD)
