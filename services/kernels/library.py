@@ -140,6 +140,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "piece_costs": (*(_ADDRESS,) * 2, _SIZE, *(_ADDRESS,) * 2, _SIZE, _ADDRESS, _SIZE, _DOUBLE, _ADDRESS),
+    "outstanding_bin": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS),
     "polygon_distances": (_ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
