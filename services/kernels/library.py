@@ -47,6 +47,18 @@ class KernelPatch(ctypes.Structure):
     )
 
 
+class RidgeLinks(ctypes.Structure):
+    """`struct ridges` of `ridges.c`."""
+
+    _fields_ = (
+        ("window", ctypes.c_void_p),
+        ("y", ctypes.c_void_p),
+        ("count", ctypes.c_ssize_t),
+        ("gap", ctypes.c_int64),
+        *((name, ctypes.c_double) for name in ("bend", "drift", "wait")),
+    )
+
+
 class CellMaps(ctypes.Structure):
     """`struct cells` of `patches.c`."""
 
@@ -136,6 +148,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "link_ridges": (ctypes.POINTER(RidgeLinks), _ADDRESS, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
@@ -173,7 +186,7 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
-    library.measure_band.restype = _SIZE
+    library.measure_band.restype = library.link_ridges.restype = _SIZE
     return library if library.usable() else None
 
 
