@@ -147,6 +147,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
+    "component_boxes": (_IMAGE, _ADDRESS, _SIZE),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "link_ridges": (ctypes.POINTER(RidgeLinks), _ADDRESS, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
@@ -186,7 +187,8 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
-    library.measure_band.restype = library.link_ridges.restype = _SIZE
+    for name in ("component_boxes", "link_ridges", "measure_band"):
+        getattr(library, name).restype = _SIZE
     return library if library.usable() else None
 
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from services.arrays import Floats, Mask, Points, Vector
 from services.geometry.linked_groups import group_linked
-from services.imaging.components import label_components
+from services.imaging.components import component_boxes
 from services.order_statistics import median
 from services.robust import geman_mcclure_weights
 
@@ -81,7 +81,7 @@ class CharacterRows:
 
 def chain_characters(ink: Mask) -> CharacterRows:
     """Characters of `ink` (H, W), chained from left to right into text lines."""
-    return chain_boxes(label_components(ink).stats[1:, :4].astype(np.float64))
+    return chain_boxes(component_boxes(ink).astype(np.float64))
 
 
 def chain_boxes(boxes: Floats) -> CharacterRows:

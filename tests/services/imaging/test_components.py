@@ -4,7 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from services.imaging.components import label_components
+from services.imaging.components import (
+    USUAL_COMPONENTS,
+    component_boxes,
+    component_boxes_plain,
+    label_components,
+)
+from services.kernels.library import find_kernels
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -41,3 +47,22 @@ def test_a_mask_may_be_empty_or_full(dtype: type[np.generic]) -> None:
     assert full.stats[1].tolist() == [0, 0, 7, 5, 35]
     assert full.stats[0, 4] == 0
     assert full.centres[1].tolist() == [3.0, 2.0]
+
+
+@pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
+@pytest.mark.parametrize("size", [(1, 1), (1, 90), (75, 1), (61, 83), (300, 401)])
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.4, 0.7, 1.0])
+def test_the_kernel_has_the_same_boxes_in_the_same_order(size: tuple[int, int], share: float) -> None:
+    rng = np.random.default_rng([*size, round(10 * share)])
+    for smooth in (0.0, 2.0):
+        noise = rng.random(size)
+        noise = cv2.GaussianBlur(noise, (0, 0), smooth) if smooth else noise
+        mask = np.asarray(noise <= np.quantile(noise, share)) if share else np.zeros(size, bool)
+        for held in (mask, np.pad(mask, 2)[2:-2, 2:-2]):
+            np.testing.assert_array_equal(component_boxes(held), component_boxes_plain(held))
+
+
+def test_more_components_than_usual_are_found() -> None:
+    mask = np.zeros((400, 400), bool)
+    mask[::2, ::2] = True
+    assert len(component_boxes(mask)) == 200 * 200 > USUAL_COMPONENTS
