@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats, GrayImage, RgbImage
+from services.arrays import Floats, GrayImage, Mask, RgbImage
 
 Number = TypeVar("Number", np.uint8, np.float32)
 
@@ -26,6 +26,19 @@ def strongest_channel(image: NDArray[Number]) -> NDArray[Number]:
     """Largest of the three channels (H, W) of `image` (H, W, 3), in its own precision."""
     red, green, blue = cv2.split(image)
     return np.asarray(cv2.max(cv2.max(red, green), blue), image.dtype)
+
+
+def in_all_channels(values: NDArray[Number]) -> NDArray[Number]:
+    """`values` (H, W) in each of three channels (H, W, 3).
+
+    Products with them take a fifth of the time of numpy's with an axis of one channel.
+    """
+    return np.asarray(cv2.merge((values, values, values)), values.dtype)
+
+
+def only_where(mask: Mask | GrayImage, image: NDArray[Number]) -> NDArray[Number]:
+    """`image` (H, W) or (H, W, 3) where `mask` (H, W) is not 0, elsewhere 0."""
+    return np.asarray(cv2.copyTo(image, mask.view(np.uint8)), image.dtype)
 
 
 def log_brightness(image: RgbImage) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import GrayImage, Mask, RgbImage
-from services.imaging.channels import luminance, strongest_channel
+from services.imaging.channels import luminance
 from services.imaging.illumination import (
     MEDIAN_FRACTION,
     enlarged,
@@ -92,8 +92,11 @@ def measure_levels(image: RgbImage) -> Levels | None:
     height, width = gray.shape
     tiles = min(TILES / max(height, width), 1 / 12)
     grid = (max(1, round(width * tiles)), max(1, round(height * tiles)))
-    is_ink = (share < 200 * (1.0 - INK_CONTRAST)).astype(np.uint8)
-    is_paper = (np.abs(share.astype(np.int16) - 200) <= 200 * PAPER_SPREAD).astype(np.uint8)
+    shares = np.arange(256)
+    ink_shares, paper_shares = shares < 200 * (1.0 - INK_CONTRAST), np.abs(shares - 200) <= 200 * PAPER_SPREAD
+    is_ink, is_paper = (
+        np.asarray(cv2.LUT(share, each.view(np.uint8)), np.uint8) for each in (ink_shares, paper_shares)
+    )
     ink_share, _ = _tile_shares(is_ink, grid)
     # Next to a picture the neighbourhood is paper, but the tile itself is not.
     is_even = np.minimum(*_tile_shares(is_paper, grid)) >= PAPER_SHARE
@@ -106,11 +109,11 @@ def measure_levels(image: RgbImage) -> Levels | None:
     printed &= level >= DARKEST_PAPER * np.quantile(level[printed], 0.9)
     accepted = _grow_paper(level, printed, is_even, PAPER_STEP)
     paper, is_accepted = _level_paper(fine_background, level, accepted, PAPER_STEP)
-    strongest = strongest_channel(small)
-    weakest = 255 - strongest_channel(np.asarray(255 - small, dtype=np.uint8))
+    red, green, blue = cv2.split(small)
+    strongest, weakest = cv2.max(cv2.max(red, green), blue), cv2.min(cv2.min(red, green), blue)
     is_neutral = cv2.divide(cv2.subtract(strongest, weakest), ground, scale=200.0) < 200 * LARGEST_CHROMA
-    strongest = np.asarray(cv2.divide(strongest, ground, scale=200.0), dtype=np.uint8)
-    ink = _level_ink(strongest, is_ink * is_neutral, printed)
+    ink_levels = np.asarray(cv2.divide(strongest, ground, scale=200.0), dtype=np.uint8)
+    ink = _level_ink(ink_levels, np.asarray(is_ink * is_neutral, np.uint8), printed)
     ink = np.asarray(cv2.resize(ink, paper.shape[::-1], interpolation=cv2.INTER_LINEAR), dtype=np.float32)
     return Levels(paper, ink, is_accepted)
 
@@ -127,7 +130,14 @@ def _tile_shares(
     mask: NDArray[np.uint8], grid: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Share of `mask` (h, w) 0/1 round every tile of a grid (columns, rows), and in the tile itself."""
-    own = np.asarray(cv2.resize(mask.astype(np.float32), grid, interpolation=cv2.INTER_AREA), np.float32)
+    height, width = mask.shape
+    # The integral is exact, and bilinear within a pixel: tiles may begin there.
+    sums = cv2.integral(mask, sdepth=cv2.CV_32S)
+    x, y = np.linspace(0, width, grid[0] + 1), np.linspace(0, height, grid[1] + 1)
+    j, i = np.minimum(x.astype(int), width - 1), np.minimum(y.astype(int), height - 1)
+    upper, lower = (rows[:, j] + (x - j) * (rows[:, j + 1] - rows[:, j]) for rows in (sums[i], sums[i + 1]))
+    filled = np.diff(np.diff(upper + (y - i)[:, None] * (lower - upper), axis=0), axis=1)
+    own = (filled * (grid[0] * grid[1] / (width * height))).astype(np.float32)
     return np.asarray(cv2.blur(own, (3, 3), borderType=cv2.BORDER_REPLICATE), np.float32), own
 
 

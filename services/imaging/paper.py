@@ -107,7 +107,7 @@ class Paper:
         mask = (counts >= p.part_share * len(found))[labels] & (labels > 0)
         if not mask.any():
             return None
-        hull = cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32))
+        hull = cv2.convexHull(row_ends(mask))
         if cv2.contourArea(hull) >= 0.97 * mask.size:
             return None
         return from_resized(hull[:, 0, :].astype(np.float64), self.factor)
@@ -203,9 +203,17 @@ def _ends(mask: Mask) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return at.min(axis=0).astype(np.float64), at.max(axis=0) + 1.0
 
 
+def row_ends(mask: Mask) -> NDArray[np.int32]:
+    """First and last pixels (N, 2) of the rows of a mask, row by row: its hull is theirs."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    held = mask[rows]
+    ends = np.stack([held.argmax(axis=1), mask.shape[1] - 1 - held[:, ::-1].argmax(axis=1)], axis=1)
+    return np.stack([ends.ravel(), np.repeat(rows, 2)], axis=1).astype(np.int32)
+
+
 def _filled_hull(mask: Mask) -> tuple[Mask, float]:
     """The convex hull of a mask, filled, and the mask's area over the hull's."""
-    points = np.argwhere(mask)[:, ::-1].astype(np.int32)
+    points = row_ends(mask)
     filled = np.zeros(mask.shape, np.uint8)
     cv2.fillConvexPoly(filled, cv2.convexHull(points), 1)
     return filled.astype(bool), float(mask.sum()) / max(int(filled.sum()), 1)

@@ -47,6 +47,18 @@ class KernelPatch(ctypes.Structure):
     )
 
 
+class RidgeLinks(ctypes.Structure):
+    """`struct ridges` of `ridges.c`."""
+
+    _fields_ = (
+        ("window", ctypes.c_void_p),
+        ("y", ctypes.c_void_p),
+        ("count", ctypes.c_ssize_t),
+        ("gap", ctypes.c_int64),
+        *((name, ctypes.c_double) for name in ("bend", "drift", "wait")),
+    )
+
+
 class CellMaps(ctypes.Structure):
     """`struct cells` of `patches.c`."""
 
@@ -170,6 +182,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "flatten_part": (_IMAGE, _IMAGE, ctypes.POINTER(Placing), _IMAGE),
     "keep_labels": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32, _ADDRESS),
     "label_mask": (_IMAGE, _ADDRESS),
+    "link_ridges": (ctypes.POINTER(RidgeLinks), _ADDRESS, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
@@ -177,6 +190,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "measure_labels": (_IMAGE, _ADDRESS, ctypes.c_int32, _ADDRESS, _ADDRESS),
     "measure_turned": (ctypes.POINTER(TurnedImage), _ADDRESS, _SIZE, _ADDRESS, _SIZE, _SIZE),
     "measure_windows": (_IMAGE, ctypes.POINTER(TextWindows), *(_ADDRESS,) * 4),
+    "outstanding_bin": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS),
     "polygon_distances": (_ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
@@ -212,7 +226,8 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
-    library.measure_band.restype = _SIZE
+    for name in ("link_ridges", "measure_band"):
+        getattr(library, name).restype = _SIZE
     return library if library.usable() else None
 
 

@@ -75,6 +75,6 @@ def is_shown(photo: FlatPhoto, flat: Points) -> NDArray[np.bool_]:
 def _shown_points(photo: FlatPhoto, points: int) -> Points:
     """Grid of flat pixels (N, 2) in the shown part of the view."""
     width, height = photo.size
-    x, y = np.meshgrid(np.linspace(0, width - 1, points), np.linspace(0, height - 1, points))
-    grid = np.stack([x, y], axis=-1).reshape(-1, 2)
-    return np.asarray(grid[is_shown(photo, grid)])
+    x, y = np.linspace(0, width - 1, points), np.linspace(0, height - 1, points)
+    rows, columns = np.nonzero(photo.shown[np.ix_(np.round(y).astype(int), np.round(x).astype(int))])
+    return np.stack([x[columns], y[rows]], axis=-1)

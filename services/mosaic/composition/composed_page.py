@@ -17,7 +17,6 @@ from services.mosaic.composition.patch_drawing import (
     prepare_patch,
 )
 from services.mosaic.composition.sharpness import (
-    TILE_PX,
     CellGrid,
     PatchMaps,
     choose_cells,
@@ -93,12 +92,9 @@ def _draw_page(
     """Weighted mean of the patches, drawn tile by tile."""
     image = np.full((grid.height, grid.width, 3), 255, np.uint8)
     page = Rectangle(0, 0, grid.width, grid.height)
-    step = max(TILE_PX // grid.side, 1)
-    for top in range(0, grid.rows, step):
-        for left in range(0, grid.columns, step):
-            cells = Rectangle(left, top, step, step)
-            tile = grid.pixels(cells).meet(page)
-            _draw_tile(patches, boxes, weights, grid, tile, image[tile.within(page)])
+    for cells in grid.tiles(Rectangle(0, 0, grid.columns, grid.rows)):
+        tile = grid.pixels(cells).meet(page)
+        _draw_tile(patches, boxes, weights, grid, tile, image[tile.within(page)])
     return image
 
 

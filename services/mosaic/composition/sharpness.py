@@ -4,6 +4,7 @@ Photos are compared in *cells*, which are squares of mosaic pixels. Gradients an
 resolution. They are measured tile by tile, and only their means are kept.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -19,8 +20,9 @@ CELLS_PER_TEXT_HEIGHT = 9.0
 """A stroke is then about one cell wide, and the gap between two text lines a few cells."""
 MOST_CELLS = 3e6
 """Largest number of cells of a page; limits the memory of all maps."""
-TILE_PX = 768
-"""Side of the tiles in which gradients are measured."""
+TILE_PX = (1024, 3072)
+"""Rows and columns of the pieces in which photos are measured and drawn. Kernels go row by row, and each piece costs
+the time to map its nodes."""
 WINDOW = 2.5
 """Window, wider than any stroke of text, whose brightest pixels are paper, and over which sharpness is averaged: focus
 varies slowly and print varies fast."""
@@ -67,6 +69,13 @@ class CellGrid:
             return Rectangle(left, top, 0, 0)
         return Rectangle(left, top, right - left, bottom - top)
 
+    def tiles(self, cells: Rectangle) -> Iterator[Rectangle]:
+        """The pieces in which `cells` are measured or drawn; the last ones reach beyond."""
+        rows, columns = (max(side // self.side, 1) for side in TILE_PX)
+        for top in range(cells.top, cells.bottom, rows):
+            for left in range(cells.left, cells.right, columns):
+                yield Rectangle(left, top, columns, rows)
+
     def pixels(self, cells: Rectangle) -> Rectangle:
         """The pixels of `cells`."""
         return Rectangle(
@@ -108,15 +117,13 @@ def measure_patch(patch: DrawablePatch, grid: CellGrid) -> PatchMaps:
     box = grid.cells(patch.box)
     measured = CellMeasures.nothing(box.height, box.width)
     gray_source = luminance(patch.source)
-    step = max(TILE_PX // grid.side, 1)
-    for top in range(box.top, box.bottom, step):
-        for left in range(box.left, box.right, step):
-            cells = Rectangle(left, top, step, step).meet(box)
-            tile = grid.pixels(cells)
-            # One extra pixel on each side, for the gradient.
-            nodes = map_nodes(patch, Rectangle(tile.left - 1, tile.top - 1, tile.width + 2, tile.height + 2))
-            if nodes is not None:
-                measure_cells(gray_source, nodes, grid.side, measured.part(cells.within(box)))
+    for piece in grid.tiles(box):
+        cells = piece.meet(box)
+        tile = grid.pixels(cells)
+        # One extra pixel on each side, for the gradient.
+        nodes = map_nodes(patch, Rectangle(tile.left - 1, tile.top - 1, tile.width + 2, tile.height + 2))
+        if nodes is not None:
+            measure_cells(gray_source, nodes, grid.side, measured.part(cells.within(box)))
     for part in (patch.placed.hidden, patch.placed.yielding):
         if part is not None and part.cells.any():
             first = grid.pixels(box)

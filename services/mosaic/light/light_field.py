@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.arrays import Floats
-from services.imaging.channels import strongest_channel
+from services.arrays import Floats, GrayImage
+from services.imaging.channels import only_where, strongest_channel
 from services.mosaic.light.canvas import BLOCK_PX, CELL_PX, CanvasView, FloatImage
 from services.robust import cauchy_weights
 
@@ -105,11 +105,14 @@ def node_field(nodes: Floats, height: int, width: int) -> FloatImage:
     return np.asarray(np.einsum("yr,xc,rck->yxk", down, across, nodes, optimize=True), np.float32)
 
 
-def bright_parts(image: FloatImage) -> FloatImage:
-    """Mask (H, W) float: 1 where `image` (H, W, 3) is about as bright as its surroundings, without ink, else 0."""
-    gray = strongest_channel(image)
+def bright_parts(gray: FloatImage | GrayImage) -> FloatImage:
+    """Mask (H, W) float: 1 where an image is about as bright as its surroundings, without ink, else 0.
+
+    `gray` (H, W) is its strongest channel; bytes take a quarter of the time.
+    """
     around = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, np.ones((CLOSING_PX,) * 2, np.uint8))
-    return np.asarray((gray >= BRIGHT_SHARE * around) & (gray >= DARKEST), np.float32)
+    least = np.maximum(around.astype(np.float32) * np.float32(BRIGHT_SHARE), np.float32(DARKEST))
+    return np.asarray(gray >= least, np.float32)
 
 
 def _shared_blocks(
@@ -150,12 +153,14 @@ def _shared_blocks(
 
 def _measure_blocks(view: CanvasView) -> tuple[Floats, Floats]:
     """Log colour (rows, columns, 3) of the bright parts of every block, and its weight, 0 if it is unknown."""
-    bright = bright_parts(view.image) * view.shown
+    strongest = strongest_channel(view.image.astype(np.uint8))  # levels of a view are whole
+    bright = bright_parts(strongest) * view.shown
     size = (view.shown.shape[1] // BLOCK_PX, view.shown.shape[0] // BLOCK_PX)
     share = cv2.resize(bright, size, interpolation=cv2.INTER_AREA).astype(np.float64)
     shown = cv2.resize(view.shown.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    color = cv2.resize(view.image * bright[..., None], size, interpolation=cv2.INTER_AREA).astype(np.float64)
-    clipped = (strongest_channel(view.image) >= CLIPPED_LEVEL).astype(np.float32) * bright
+    seen = only_where(bright > 0, view.image)
+    color = cv2.resize(seen, size, interpolation=cv2.INTER_AREA).astype(np.float64)
+    clipped = (strongest >= CLIPPED_LEVEL).astype(np.float32) * bright
     clipped_share = cv2.resize(clipped, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1e-6)
     weight = np.where(shown > SHOWN_SHARE, share * (1 - CLIPPED_DISCOUNT * clipped_share), 0.0)
     weight[share < LEAST_BRIGHT] = 0.0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import Mask, Points
 from services.contract.rectify import Illumination
 from services.geometry.homographies import from_resized, to_resized
+from services.imaging.channels import in_all_channels, only_where, strongest_channel
 from services.imaging.levels import (
     Levels,
     level_coefficients,
@@ -144,13 +145,15 @@ def match_tones(
 class MatchedLight:
     """Gains (h, w, 3) of every view at its cells, and the page after their application.
 
-    `page` (H, W, 3) float32 is the mean of all views, without their `hidden` cells. `shown` (H, W) is true where
-    any view exists, `inner` (H, W) where a view exists far enough inside its borders.
+    `page` (H, W, 3) float32 is the mean of all views, without their `hidden` cells, and `bright` (H, W) its
+    `bright_parts`, 0 where no view exists. `shown` (H, W) is true where any view exists, `inner` (H, W) where a view
+    exists far enough inside its borders.
     """
 
     fields: tuple[FloatImage, ...]
     hidden: HiddenCells
     page: FloatImage
+    bright: FloatImage
     shown: Mask
     inner: Mask
 
@@ -174,29 +177,42 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas) -> MatchedLight:
     well_within = WELL_WITHIN * max(canvas.height, canvas.width)
     for view in views:
         inner[view.box] |= view.feather > well_within
-    for view, gain in zip(clear, fields, strict=True):
-        page[view.box] += view.image * gain * view.feather[..., None]
+    lit = [
+        np.asarray(cv2.multiply(view.image, gain), np.float32)
+        for view, gain in zip(views, fields, strict=True)
+    ]
+    for view, own in zip(clear, lit, strict=True):
+        page[view.box] += cv2.multiply(own, in_all_channels(view.feather))
         weight[view.box] += view.feather
-    page /= np.maximum(weight, 1e-6)[..., None]
-    bright = bright_parts(page) * (weight > 0)
+    page /= in_all_channels(np.maximum(weight, 1e-6))
+    bright = bright_parts(strongest_channel(page)) * (weight > 0)
     followed = []
-    for view, gain in zip(clear, fields, strict=True):
+    for view, own, gain in zip(clear, lit, fields, strict=True):
         compared = bright[view.box] * view.shown
-        share = to_cells(compared)
-        there = spread(to_cells(page[view.box] * compared[..., None]), share, WINDOWS_CELLS)
-        here = spread(to_cells(view.image * gain * compared[..., None]), share, WINDOWS_CELLS)
+        mask = compared > 0
+        both = np.dstack([to_cells(only_where(mask, image)) for image in (page[view.box], own)])
+        there, here = np.dsplit(spread(both, to_cells(compared), WINDOWS_CELLS), 2)
         followed.append(to_cells(gain) * (there + 1) / (here + 1))
     overall = _overall_gain(clear, page, bright, BRIGHTEST_PAPER)
-    return MatchedLight(tuple(gain * overall for gain in followed), hidden, page * overall, weight > 0, inner)
+    if overall < 1.0:
+        page *= np.float32(overall)
+        bright = bright_parts(strongest_channel(page)) * (weight > 0)
+    return MatchedLight(tuple(gain * overall for gain in followed), hidden, page, bright, weight > 0, inner)
 
 
 def _with_neutral_paper(lights: MatchedLight) -> MatchedLight:
     """`lights` with neutral paper if its tint may come from the light; clearly coloured paper keeps its colour."""
-    bright = bright_parts(lights.page)[::CELL_PX, ::CELL_PX] * lights.shown[::CELL_PX, ::CELL_PX] > 0
+    bright = lights.bright[::CELL_PX, ::CELL_PX] > 0
     if not bright.any():
         return lights
     gains = neutral_gains(np.median(lights.page[::CELL_PX, ::CELL_PX][bright], axis=0))
-    return replace(lights, fields=tuple(field * gains for field in lights.fields), page=lights.page * gains)
+    page = lights.page * np.tile(gains, lights.page.shape[1]).reshape(-1, 3)
+    return replace(
+        lights,
+        fields=tuple(field * gains for field in lights.fields),
+        page=page,
+        bright=bright_parts(strongest_channel(page)) * lights.shown,
+    )
 
 
 def _overall_gain(
@@ -227,12 +243,13 @@ def _page_levels(lights: MatchedLight) -> Levels | None:
 
 def _page_image(lights: MatchedLight) -> NDArray[np.uint8]:
     """The matched page, 8 bits; paper like that nearby where no photo shows the page."""
-    known = bright_parts(lights.page) * lights.shown
-    share = to_cells(known)
-    around = spread(to_cells(lights.page * known[..., None]), share, WINDOWS_CELLS)
+    known = only_where(lights.bright > 0, lights.page)
+    around = spread(to_cells(known), to_cells(lights.bright), WINDOWS_CELLS)
     height, width = lights.shown.shape
     filled = cv2.resize(around, (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.clip(np.where(lights.shown[..., None], lights.page, filled) + 0.5, 0, 255).astype(np.uint8)
+    page = np.asarray(cv2.copyTo(lights.page, lights.shown.view(np.uint8), filled), np.float32)
+    page += np.float32(0.5)
+    return np.clip(page, 0, 255, out=page).astype(np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

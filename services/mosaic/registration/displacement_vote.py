@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Vector
+from services.kernels.library import address, find_kernels
 from services.mosaic.registration.features import FeatureMatches
 
 SURROUNDINGS = 13
@@ -81,7 +82,7 @@ def vote_displacements(
     voting = np.abs(measured - np.log(scales)[:, None]) < SIZE_TOLERANCE
     groups: list[CompatibleGroup] = []
     while len(groups) < GROUPS and np.count_nonzero(voting):
-        row, middle = _outstanding_bin(bins, voting)
+        row, middle = outstanding_bin(bins, voting)
         away = np.max(np.abs(bins[row] - middle), axis=1)
         members = np.flatnonzero((away <= GROUP_REACH) & voting[row])
         if len(members) < LEAST_VOTES:
@@ -100,8 +101,25 @@ def _scales(expected: float) -> Vector:
     return np.geomspace(least, greatest, 1 + round(math.log(greatest / least) / step))
 
 
-def _outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vector]:
-    """Scale (its row) and centre (2,), in bins, of the most significant sum over 3 x 3 bins."""
+def outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vector]:
+    """Scale (its row) and centre (2,), in bins, of the most significant sum over 3 x 3 bins.
+
+    `bins` (scales, matches, 2) are displacements, of which those `voting` (scales, matches) count, one at least.
+    """
+    if bins.shape != (*voting.shape, 2) or not voting.any():
+        raise ValueError("matches vote for displacements at scales")
+    kernels = find_kernels()
+    if kernels is None:
+        return outstanding_bin_plain(bins, voting)
+    places, votes = np.ascontiguousarray(bins, np.float64), np.ascontiguousarray(voting)
+    found = np.zeros(3, np.int64)
+    if not kernels.outstanding_bin(address(places), address(votes), *votes.shape, address(found)):
+        raise MemoryError
+    return int(found[0]), found[1:] + 0.5
+
+
+def outstanding_bin_plain(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vector]:
+    """`outstanding_bin` by NumPy and OpenCV: the same."""
     row, match = np.nonzero(voting)
     at = np.floor(bins[row, match]).astype(np.intp)
     low = at.min(axis=0)

@@ -67,13 +67,18 @@ def fit_homography(
     span = max(float(np.sqrt(np.average(np.sum((similar - middle) ** 2, axis=1), weights=weights))), 1.0)
     # In normalized pixels of a, I + E maps points q (those of b after the similarity) to the targets.
     q, target = (similar - middle) / span, (points_a - middle) / span
-    x, y = q.T
-    one, zero = np.ones_like(x), np.zeros_like(x)
-    rows_x = np.stack([x, y, one, zero, zero, zero, -target[:, 0] * x, -target[:, 0] * y], axis=1)
-    rows_y = np.stack([zero, zero, zero, x, y, one, -target[:, 1] * x, -target[:, 1] * y], axis=1)
+    # Rows of the equations of all x, then of all y, with their right sides in the last column.
+    rows = np.zeros((2, len(q), 9))
+    rows[0, :, :2] = rows[1, :, 3:5] = q
+    rows[0, :, 2] = rows[1, :, 5] = 1.0
+    for axis in (0, 1):
+        rows[axis, :, 6:8] = -target[:, axis, None] * q
+        rows[axis, :, 8] = target[:, axis] - q[:, axis]
+    equations = rows.reshape(-1, 9)
     prior = _prior(parameters) * (last_loss_px / span) ** 2
     residual = (points_a - transform_points(H_initial, points_b)) / span
-    E, current = np.zeros(8), weights
+    E: Vector = np.zeros(8)
+    current = weights
     narrowing = STEPS // 2
     for loss in [
         *np.geomspace(first_loss_px, last_loss_px, narrowing),
@@ -81,9 +86,8 @@ def fit_homography(
     ]:
         squared = np.sum(residual**2, axis=1) * span**2
         current = weights * geman_mcclure_weights(np.sqrt(squared), loss)
-        weighted_x, weighted_y = rows_x * current[:, None], rows_y * current[:, None]
-        side = weighted_x.T @ (target[:, 0] - x) + weighted_y.T @ (target[:, 1] - y)
-        E = np.linalg.solve(weighted_x.T @ rows_x + weighted_y.T @ rows_y + prior, side)
+        normal = (rows * current[:, None]).reshape(-1, 9)[:, :8].T @ equations
+        E = np.linalg.solve(normal[:, :8] + prior, normal[:, 8])
         residual = target - transform_points(_moving(E), q)
     N = scaling(1 / span) @ translation(-middle[0], -middle[1])
     H = np.linalg.inv(N) @ _moving(E) @ N @ H_similar

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage, Homography, Mask, Points
+from services.imaging.reduction import average_areas
 from services.mosaic.flat_photo import FlatPhoto
 
 RULE_PX = 49
@@ -48,7 +49,7 @@ def reduce_view(gray: GrayImage, shown: Mask, factor: float) -> tuple[GrayImage,
     if factor >= 1:
         return gray, shown, np.eye(3)
     size = max(1, round(width * factor)), max(1, round(height * factor))
-    reduced = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), np.uint8)
+    reduced = average_areas(gray, *size)
     mask = cv2.resize(shown.view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     H = np.diag([size[0] / width, size[1] / height, 1.0])
     H[:2, 2] = 0.5 * np.diag(H)[:2] - 0.5

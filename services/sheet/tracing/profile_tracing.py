@@ -5,6 +5,7 @@ window of a line still has one ridge a line: its sides are the baseline and the 
 windows are linked into lines, which may bend and jump in slope.
 """
 
+import ctypes
 from dataclasses import dataclass
 
 import cv2
@@ -15,11 +16,15 @@ from scipy.ndimage import gaussian_filter1d
 from services.arrays import Floats, GrayImage, Mask, Points, Vector
 from services.geometry.page_map import PageMap
 from services.geometry.photo_frame import PhotoFrame
+from services.imaging.channels import only_where
 from services.imaging.node_grid import take_values
+from services.kernels.library import RidgeLinks, address, find_kernels
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.tracing.line_tracing import observe_lines, sampling_maps
 from services.sheet.tracing.page_text import TracedText
 
+PAPER_LEVEL = np.float32(235.0)
+"""Of flat-fielded photos, whose bare paper is 255 but for noise."""
 NO_RIDGE = -1
 """Before the first ridge of a line."""
 
@@ -35,6 +40,8 @@ SMOOTH = 0.3
 EDGE_SMOOTH = 0.12
 CONTRAST = 0.25
 """Least height of a ridge above its two valleys, in darkness of the view's typical ridge."""
+WAIT = 0.1
+"""What a window without a ridge costs, as a distance: the nearest of two ridges is taken before a later one."""
 DEVIATION = 0.05
 """Of an edge's place: what letters differ in by design, over one window."""
 REACH = 2.0
@@ -99,13 +106,18 @@ def flatten_darkness(
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     offset = (float(low[0]) * scale, float(low[1]) * scale)
     area = text_area.astype(np.uint8) * 255
-    of_level = np.clip((235.0 - np.arange(256, dtype=np.float32)) / 235.0, 0.0, 1.0)
     darkness = np.zeros((height, width), np.float32)
     for band, at in sampling_maps(page_map, width, height, scale, offset, H_gray_centred):
         flat = take_values(gray, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, 255.0)
         inside = take_values(area, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT) > 127
-        np.copyto(darkness[band], cv2.LUT(flat, of_level), where=inside)
+        darkness[band] = only_where(inside, darkness_of(flat))
     return FlatGray(darkness, scale, offset, text_height * grow * scale)
+
+
+def darkness_of(levels: GrayImage) -> NDArray[np.float32]:
+    """Darkness (H, W), 0-1, of flat-fielded `levels` (H, W): paper and all that is lighter than `PAPER_LEVEL` has 0."""
+    table = np.clip((PAPER_LEVEL - np.arange(256, dtype=np.float32)) / PAPER_LEVEL, 0.0, 1.0)
+    return np.asarray(cv2.LUT(levels, table), np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,6 +180,24 @@ def _extremum(slopes: Floats, row: NDArray[np.intp], window: NDArray[np.intp], l
 
 def link_ridges(ridges: Ridges, height_px: float, p: ProfileParameters) -> list[NDArray[np.intp]]:
     """Members of every line, from left to right: successive ridges, each the best match of the other."""
+    kernels = find_kernels()
+    if kernels is None:
+        return link_ridges_plain(ridges, height_px, p)
+    window = np.ascontiguousarray(ridges.window, np.int64)
+    y = np.ascontiguousarray(ridges.middle, np.float64)
+    if window.shape != y.shape or (np.diff(window) < 0).any():
+        raise ValueError("ridges come by their windows")
+    before, length, tails = np.empty((3, len(window)), np.int64)
+    bends = (p.bend * height_px, p.drift * height_px, WAIT * height_px)
+    linked = RidgeLinks(address(window), address(y), len(window), p.gap, *bends)
+    lines = kernels.link_ridges(ctypes.byref(linked), *map(address, (before, length, tails)))
+    if lines < 0:
+        raise MemoryError
+    return [_members(tail, before) for tail in tails[:lines][length[tails[:lines]] >= p.min_windows].tolist()]
+
+
+def link_ridges_plain(ridges: Ridges, height_px: float, p: ProfileParameters) -> list[NDArray[np.intp]]:
+    """`link_ridges` by NumPy: the same."""
     window, y = ridges.window, ridges.middle
     if not len(window):
         return []
@@ -187,7 +217,7 @@ def link_ridges(ridges: Ridges, height_px: float, p: ProfileParameters) -> list[
             apart = np.abs(y[new][None] - led[:, None])
             moved = np.abs(y[new][None] - y[tails][:, None])
             fits = (apart < p.bend * height_px) & (moved < p.drift * height_px * ago[:, None])
-            cost = np.where(fits, apart + 0.1 * height_px * ago[:, None], np.inf)
+            cost = np.where(fits, apart + WAIT * height_px * ago[:, None], np.inf)
             match = cost.argmin(axis=1)
             mutual = np.isfinite(cost.min(axis=1)) & (cost.argmin(axis=0)[match] == np.arange(len(tails)))
             linked = new[match[mutual]]

@@ -20,7 +20,7 @@ from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.tracing.baselines import MIN_LENGTH
 from services.sheet.tracing.line_tracing import sampling_maps
 from services.sheet.tracing.page_text import MOST_PIXELS, TracedText
-from services.sheet.tracing.profile_tracing import ProfileParameters, Ridges, link_ridges
+from services.sheet.tracing.profile_tracing import ProfileParameters, Ridges, darkness_of, link_ridges
 
 # Lengths with `px` are pixels of the reduced photo, where rules are one to three wide; others are text heights.
 BEYOND = 0.15
@@ -101,8 +101,7 @@ def _flatten(
     offset = (float(low[0]) * scale, float(low[1]) * scale)
     darkness = np.empty((rows, width), np.float32)
     for band, at in sampling_maps(page_map, width, rows, scale, offset, H_gray_centred):
-        seen = take_values(gray, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, 255.0).astype(np.float32)
-        darkness[band] = np.clip((235.0 - seen) / 235.0, 0.0, 1.0)
+        darkness[band] = darkness_of(take_values(gray, at, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT, 255.0))
     return FlatDarkness(darkness, scale, offset)
 
 

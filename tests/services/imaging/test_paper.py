@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from services.arrays import Points
-from services.imaging.paper import continue_nearest, continue_smoothly, model_paper
+from services.imaging.paper import continue_nearest, continue_smoothly, model_paper, row_ends
 from simulation.degradation import desk_texture
 from tests.counts import some
 from tests.services.scenes import FLAT_SCENES, Album
@@ -259,3 +259,11 @@ def test_a_page_that_a_picture_divides_is_one_sheet(strip: tuple[int, int, int])
 
 def test_a_sheet_alone_has_no_other() -> None:
     assert model_paper(draw_sheet((60, 50, 40)), print_points()).sheets(print_points()) == []
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.9])
+def test_the_ends_of_rows_have_the_hull_of_the_mask(share: float) -> None:
+    noise = cv2.GaussianBlur(np.random.default_rng(3).random((70, 90)), (0, 0), 3.0)
+    mask = np.asarray(noise < np.quantile(noise, share))
+    whole = cv2.convexHull(np.argwhere(mask)[:, ::-1].astype(np.int32))
+    np.testing.assert_array_equal(cv2.convexHull(row_ends(mask)), whole)

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from services.mosaic.registration.displacement_vote import GROUPS, vote_displacements
+from services.kernels.library import find_kernels
+from services.mosaic.registration.displacement_vote import (
+    GROUPS,
+    outstanding_bin,
+    outstanding_bin_plain,
+    vote_displacements,
+)
 from services.mosaic.registration.features import FeatureMatches
 
 DIAGONAL = 1000.0
@@ -99,3 +105,26 @@ def test_order_of_matches_plays_no_part() -> None:
     for one, two in zip(vote_displacements(given, 1000), vote_displacements(shuffled, 1000), strict=True):
         assert one.scale == two.scale
         assert set(one.members) == set(other[two.members])
+
+
+@pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
+@pytest.mark.parametrize("scales", [1, 2, 41])
+@pytest.mark.parametrize("count", [1, 40, 700])
+@pytest.mark.parametrize("reach", [2.0, 25.0, 80.0])
+def test_the_kernel_finds_the_same_bin(scales: int, count: int, reach: float) -> None:
+    rng = np.random.default_rng([scales, count, round(reach)])
+    for share in (0.02, 0.1, 0.5):
+        bins = rng.normal(0, reach, (scales, count, 2))
+        voting = rng.random((scales, count)) < share
+        voting[rng.integers(scales), rng.integers(count)] = True
+        row, middle = outstanding_bin(bins, voting)
+        expected_row, expected = outstanding_bin_plain(bins, voting)
+        assert row == expected_row
+        np.testing.assert_array_equal(middle, expected)
+
+
+def test_what_cannot_vote_is_refused() -> None:
+    with pytest.raises(ValueError, match="vote"):
+        outstanding_bin(np.zeros((2, 3, 2)), np.zeros((2, 3), bool))
+    with pytest.raises(ValueError, match="vote"):
+        outstanding_bin(np.zeros((2, 3, 2)), np.ones((2, 4), bool))

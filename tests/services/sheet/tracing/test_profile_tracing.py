@@ -6,8 +6,17 @@ import pytest
 
 from services.arrays import Floats, Points, Vector
 from services.geometry.page_map import PlaneMap
+from services.kernels.library import find_kernels
 from services.sheet.developable.observations import LineObservations
-from services.sheet.tracing.profile_tracing import FlatGray, flatten_darkness, trace_profiles
+from services.sheet.tracing.profile_tracing import (
+    FlatGray,
+    ProfileParameters,
+    Ridges,
+    flatten_darkness,
+    link_ridges,
+    link_ridges_plain,
+    trace_profiles,
+)
 
 H = 10.0
 """Text height in pixels."""
@@ -213,3 +222,26 @@ def test_without_text_there_is_no_view() -> None:
     area = np.ones(gray.shape, bool)
     assert flatten_darkness(gray, area, np.eye(3), FLAT, np.zeros((3, 2)), 0.02) is None
     assert flatten_darkness(gray, area, np.eye(3), FLAT, np.full((50, 2), np.nan), 0.02) is None
+
+
+@pytest.mark.skipif(find_kernels() is None, reason="needs kernels, which a C compiler makes")
+@pytest.mark.parametrize("spacing_px", [3.0, 8.0, 20.0])
+@pytest.mark.parametrize("noise_px", [0.0, 0.5, 4.0])
+@pytest.mark.parametrize("gap", [1, 2, 3])
+def test_the_kernel_links_the_same_ridges(spacing_px: float, noise_px: float, gap: int) -> None:
+    rng = np.random.default_rng([round(spacing_px), round(10 * noise_px), gap])
+    counts = rng.integers(0, 30, 50) * (rng.random(50) < 0.8)
+    window = np.repeat(np.arange(50), counts)
+    rows = [np.sort(spacing_px * rng.choice(30, count) + rng.normal(0, noise_px, count)) for count in counts]
+    y = np.round(np.concatenate(rows), 1)  # some are as good as others
+    ridges, parameters = Ridges(window, y, y, y), ProfileParameters(gap=gap, min_windows=3)
+    linked, plain = link_ridges(ridges, 8.0, parameters), link_ridges_plain(ridges, 8.0, parameters)
+    assert [line.tolist() for line in linked] == [line.tolist() for line in plain]
+    assert len(linked) > 3
+
+
+def test_ridges_that_come_in_no_order_are_refused() -> None:
+    y = np.zeros(3)
+    with pytest.raises(ValueError, match="windows"):
+        link_ridges(Ridges(np.array([0, 2, 1]), y, y, y), 8.0, ProfileParameters())
+    assert link_ridges(Ridges(np.zeros(0, np.intp), y[:0], y[:0], y[:0]), 8.0, ProfileParameters()) == []
