@@ -9,6 +9,9 @@ from services.arrays import GrayImage, Mask
 from services.imaging.row_bands import row_bands
 from services.kernels.library import Threshold, find_kernels, image_of, is_packed
 
+LARGEST_WINDOW_PX = 181
+"""Of which a sum of squares of bytes fits into 31 bits."""
+
 
 def spread_mask(mask: Mask, side: int) -> Mask:
     """Pixels with one of the `mask` (H, W) in the square of the odd `side` round them."""
@@ -56,9 +59,10 @@ def close_mask_plain(mask: Mask, side: int) -> Mask:
 def threshold_by_windows(gray: GrayImage, area: Mask, side: int, k: float, contrast: float) -> Mask:
     """Pixels of `area` (H, W) darker than mean + `k` deviation of the window of the odd `side` round them.
 
-    There the deviation is above `contrast` gray levels. Sums of squares hold windows of up to 181 px.
+    There the deviation is above `contrast` gray levels. Windows are at most `LARGEST_WINDOW_PX` large.
     """
     kernels = find_kernels()
+    side = min(side, LARGEST_WINDOW_PX)
     if side % 2 == 0 or gray.shape != area.shape:
         raise ValueError("windows have a middle, and each pixel is in the area or not")
     if kernels is None or not is_packed(gray) or not gray.size:

@@ -31,11 +31,16 @@ static inline double slope_of(const struct ridges *ridges, const int64_t *before
    other, the first one of those that are as good. Returns the number of lines, -1 where memory is missing. */
 ptrdiff_t link_ridges(const struct ridges *ridges, int64_t *before, int64_t *length, int64_t *tails) {
     const ptrdiff_t count = ridges->count;
-    int64_t *open = malloc((3 * count + 1) * sizeof *open), *best = open + count, *best_tail = best + count;
+    int64_t *open = malloc((3 * count + 1) * sizeof *open);
     double *least = malloc((count + 1) * sizeof *least);
+    if (!open || !least) {
+        free(open);
+        free(least);
+        return -1;
+    }
+    int64_t *best = open + count, *best_tail = best + count;
     ptrdiff_t ended = 0, lines = 0;
-    if (!open || !least) lines = ended = -1;
-    for (ptrdiff_t first = 0, end; ended >= 0 && first < count; first = end) {
+    for (ptrdiff_t first = 0, end; first < count; first = end) {
         const int64_t window = ridges->window[first];
         for (end = first; end < count && ridges->window[end] == window; end++) {
             before[end] = -1, length[end] = 1;
@@ -75,11 +80,8 @@ ptrdiff_t link_ridges(const struct ridges *ridges, int64_t *before, int64_t *len
         for (ptrdiff_t j = first; j < end; j++)
             if (before[j] < 0) open[lines++] = j;
     }
-    if (ended >= 0) {
-        memcpy(tails + ended, open, lines * sizeof *open);
-        lines += ended;
-    }
+    memcpy(tails + ended, open, lines * sizeof *open);
     free(open);
     free(least);
-    return lines;
+    return ended + lines;
 }

@@ -102,8 +102,9 @@ int outstanding_bin(const double *bins, const uint8_t *voting, ptrdiff_t scales,
     }
     const int64_t row = best / (right - left + 1);
     found[0] = row / pitch, found[1] = left + best % (right - left + 1), found[2] = top + row % pitch;
+    const int good = sums != NULL;
     free(at);
     free(ends);
     free(sums);
-    return sums != NULL;
+    return good;
 }
