@@ -23,11 +23,6 @@ _LEAST_COVER = 0.6
 covered by 0.6 to 0.8 took 55 % of the time of second readings for 3 % of the gain: spaces may be wide."""
 _SURE = 0.7
 """Least confidence of a word that was surely read."""
-_READ_ANYHOW = 0.7
-"""Mean confidence from which on words that cover a line by `_LEAST_COVER`, sure or not, are not read again: on 33 pages
-such lines took 43 % of the time of second readings, and three of them were replaced, none by a better text."""
-_LEAST_STROKES = 0.15
-"""Runs of ink for a pixel of a line's width. Rules have 0.04 to 0.1, print 0.8 to 2; long rules take much time."""
 _FUSED_SHARE = 0.35
 """A word that has so much of the height of two lines is of a row that the engine made of both. Tails and ascenders
 reach into the next line less far."""
@@ -71,7 +66,7 @@ def with_lost_lines(
     for index in np.argsort([-line.width_px for line in found.lines], kind="stable").tolist():
         line, own = found.lines[index], table.own(index) & ~dropped
         sure = [words[k].box for k in np.flatnonzero(own & table.sure).tolist()]
-        if _covered(sure, line) >= _LEAST_COVER or line.strokes < _LEAST_STROKES:
+        if _covered(sure, line) >= _LEAST_COVER:
             continue
         is_over = time.process_time() >= ends_s or time_left_s() <= 0.0
         if is_over or vain >= MOST_VAIN + _VAIN_FOR_EACH * better:
@@ -80,8 +75,6 @@ def with_lost_lines(
             continue
         own = (own | table.parts(index, own)) & ~dropped
         mine = [words[k] for k in np.flatnonzero(own).tolist()]
-        if _is_read(mine, line):
-            continue
         second = _read_line(gray, _extended(line, mine), engine)
         left -= line.width_px / line.height_px if sure else 0.0
         if mean_confidence(second) < _LEAST_CONFIDENCE or _sure_letters(second) < _GAIN * _sure_letters(mine):
@@ -139,12 +132,6 @@ class _WordTable:
             if self._letters[line & level].sum() > 0.8 * self._letters[line].sum():
                 found |= line
         return found
-
-
-def _is_read(words: Sequence[Word], line: TextLine) -> bool:
-    """Whether the words, surely read or not, are so sure in the mean that a second reading would be no better."""
-    covered = _covered([word.box for word in words], line)
-    return covered >= _LEAST_COVER and mean_confidence(words) >= _READ_ANYHOW
 
 
 def _extended(line: TextLine, words: Sequence[Word]) -> TextLine:

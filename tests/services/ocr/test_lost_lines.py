@@ -1,7 +1,6 @@
 """Lines that the page reading lost: read again as lines, and only those."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import pytest
 from services.arrays import GrayImage
 from services.ocr.engine import Word
 from services.ocr.lost_lines import MOST_VAIN, with_lost_lines
-from services.ocr.text_lines import detect_text_lines
 from tests.services.ocr.pages import blank, set_lines
 
 HEIGHT = 36
@@ -213,28 +211,3 @@ def test_a_line_is_lost_where_its_words_leave_much_of_it(
     engine = LineEngine()
     with_lost_lines(gray, [read(boxes[0]), part, read(boxes[2])], engine)
     assert len(engine.crops) == readings
-
-
-@pytest.mark.parametrize(("confidence", "readings"), [(0.55, 0), (0.3, 1)])
-def test_a_line_of_which_all_was_read_is_read_again_if_it_is_unsure_in_the_mean(
-    page: tuple[GrayImage, list[tuple[float, float, float, float]]], confidence: float, readings: int
-) -> None:
-    gray, boxes = page
-    x0, y0, x1, y1 = boxes[1]
-    middle = (x0 + x1) / 2
-    halves = [Word("sure", (x0, y0, middle, y1), 0.95, 4), Word("less", (middle, y0, x1, y1), confidence, 4)]
-    engine = LineEngine()
-    with_lost_lines(gray, [read(boxes[0]), *halves, read(boxes[2])], engine)
-    assert len(engine.crops) == readings
-
-
-def test_rules_are_not_read(
-    page: tuple[GrayImage, list[tuple[float, float, float, float]]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = detect_text_lines(page[0])
-    rules = tuple(replace(line, strokes=0.07) for line in found.rows.lines)
-    seen = SimpleNamespace(rows=replace(found.rows, lines=rules))
-    monkeypatch.setattr("services.ocr.lost_lines.detect_text_lines", lambda gray: seen)
-    engine = LineEngine()
-    assert with_lost_lines(page[0], [], engine) == []
-    assert engine.crops == []
