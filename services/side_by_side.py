@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import partial
 from types import TracebackType
 from typing import Generic, Self, TypeVar
 
@@ -143,11 +142,3 @@ class SideStep(Generic[T]):
             if not self._is_counted:
                 _joined.seconds = getattr(_joined, "seconds", 0.0) + self.cpu_s
                 self._is_counted = True
-
-
-def in_two(work: Callable[[int, int], object], count: int) -> None:
-    """Call `work` with the ends of both halves of `range(count)`; they run side by side if a processor is spare."""
-    middle = count // 2
-    with SideStep(partial(work, middle, count)) as second:
-        work(0, middle)
-        second.result()

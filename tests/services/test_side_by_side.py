@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from services.side_by_side import SideStep, cpu_seconds, in_two, spare_processors
+from services.side_by_side import SideStep, cpu_seconds, spare_processors
 
 
 def spare(count: int) -> Callable[[], int]:
@@ -89,23 +89,3 @@ def test_cpu_time_of_a_step_counts_when_its_caller_waits() -> None:
         before_s = cpu_seconds()
         step.end()
         assert cpu_seconds() - before_s < 0.01, "once"
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 7])
-@pytest.mark.parametrize("processors", [0, 1])
-def test_two_halves_are_the_whole(count: int, processors: int) -> None:
-    done: list[tuple[int, int]] = []
-    with spare_processors(spare(processors)):
-        in_two(lambda first, end: done.extend((k, threading.get_ident()) for k in range(first, end)), count)
-    assert sorted(k for k, _ in done) == list(range(count))
-    assert len({thread for _, thread in done}) == (2 if processors and count > 1 else min(count, 1))
-
-
-def test_an_error_in_either_half_is_raised() -> None:
-    def fail(first: int, end: int) -> None:
-        if first <= 5 < end:
-            raise ValueError("no")
-
-    for count in (6, 20):
-        with spare_processors(spare(1)), pytest.raises(ValueError, match="no"):
-            in_two(fail, count)
