@@ -16,8 +16,12 @@ def _find_trim() -> Callable[[int], int]:
 _trim = _find_trim()
 
 
-_M_ARENA_MAX = -8
-"""Number of glibc's parameter for the most heaps."""
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
+"""Numbers of glibc's parameters: free bytes at a heap's end, bytes of a block, and heaps."""
+_LARGEST_IN_HEAP = 32 << 20
+"""Bytes of a block that glibc takes from a heap at most."""
+LARGE_BYTES = 18 << 20
+"""Of an image: a colour photo of 6 megapixels. Smaller ones never take the memory that those of 12 take."""
 
 
 def keep_few_heaps(most: int) -> None:
@@ -29,10 +33,27 @@ def keep_few_heaps(most: int) -> None:
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, most)
 
 
+def keep_freed_memory() -> None:
+    """Have this process keep up to 64 MB of what it has freed at the heap's end, and no block above 32 MB.
+
+    glibc comes to these bounds by itself, as larger and larger blocks are freed. Before, it gives memory back at once.
+    """
+    with suppress(OSError, AttributeError):
+        set_parameter = ctypes.CDLL(None).mallopt
+        set_parameter(_M_MMAP_THRESHOLD, _LARGEST_IN_HEAP)
+        set_parameter(_M_TRIM_THRESHOLD, 2 * _LARGEST_IN_HEAP)
+
+
 def release_freed_memory() -> None:
-    """Give freed memory back to the system; takes about 2 ms.
+    """Give freed memory back to the system; takes about 2 ms, and the system's time to clear it when it is taken again.
 
     glibc keeps freed arrays below 32 MB for later ones, which rarely fit. Between the steps of a photo of 12 megapixels
     that is 20 to 30 MB.
     """
     _trim(0)
+
+
+def release_if_large(image_bytes: int) -> None:
+    """`release_freed_memory` between the steps of a large image; what a small one leaves is for its next steps."""
+    if image_bytes >= LARGE_BYTES:
+        release_freed_memory()

@@ -23,7 +23,7 @@ from app.engine.busy_workers import BusyWorkers
 from services.contract.worker_facts import WorkerFacts
 from services.deadline import answered_within
 from services.errors import DocumentError
-from services.heap import keep_few_heaps, release_freed_memory
+from services.heap import keep_few_heaps, keep_freed_memory, release_freed_memory
 from services.progress import progress_to
 from services.side_by_side import spare_processors
 
@@ -53,6 +53,9 @@ COLLECTED_AFTER = 50_000
 """New container objects before Python's garbage collector runs. A model has a tenth of that. One run over the 200
 models that a worker caches takes longer than learning from a page."""
 
+IDLE_S = 1.0
+"""After so long without a call, freed memory is given back."""
+
 OPENCV_NO_MEMORY = -4
 """cv::Error::StsNoMem: OpenCV's code of a failed allocation."""
 _MOST_CAUSES = 8
@@ -67,7 +70,9 @@ def serve(connection: Connection, memory_bytes: int, warm_up: NamedCall | None, 
     while (answer := _answer_next(connection, busy)) is not None:
         connection.send_bytes(answer)
         del answer
-        release_freed_memory()
+        # What one call has freed serves the next, if that follows.
+        if not connection.poll(IDLE_S):
+            release_freed_memory()
 
 
 def run(operation: str, arguments: tuple[object, ...]) -> object:
@@ -92,6 +97,7 @@ def _settle(memory_bytes: int) -> None:
     os.environ.update(SINGLE_THREAD_ENVIRONMENT)
     faulthandler.enable()
     keep_few_heaps(1)  # a second thread would keep 40 MB of a heap of its own
+    keep_freed_memory()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     if memory_bytes:
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))

@@ -29,7 +29,7 @@ from benchmarks.common.stopwatch import Usage, measured
 from benchmarks.rectify.floor import run_floor
 from benchmarks.rectify.sheet_experiments import FOLDED, LAMPS
 from benchmarks.rectify.subject import rectify_bytes
-from services.heap import keep_few_heaps
+from services.heap import keep_few_heaps, keep_freed_memory
 from services.side_by_side import spare_processors
 from simulation.degradation import PHONE
 from simulation.pages import own_pages
@@ -116,6 +116,7 @@ def measure_upload(upload: bytes, case: str) -> SpeedFigures:
     """Run in a fresh process, set up as a worker is; floor and ours take turns, so that both see the same machine."""
     cv2.setNumThreads(1)
     keep_few_heaps(1)
+    keep_freed_memory()
     run_floor(upload)
     rectify_bytes(upload)
     collect_seldom()

@@ -12,7 +12,7 @@ from services.contract.answers.rectify import PagesResult, RectifyResult
 from services.contract.images import MEDIA_TYPES, Encoding, FailedPlace, PageReply, PagesFormat, TextFormat
 from services.contract.kept_pages import KeptPage
 from services.errors import NotAcceptable
-from services.heap import release_freed_memory
+from services.heap import release_if_large
 from services.imaging.codec import DEFAULT_DPI, OutputFormat, encode_image
 from services.imaging.page_files import PagePart, PagesFileFormat, archive_pages, bind_parts, encode_part
 from services.notices import Notice
@@ -179,7 +179,7 @@ def make_page_reply(
         When `encoding` is not possible.
     """
     target = choose_target(encoding, source, 1)
-    release_freed_memory()
+    release_if_large(page.image.nbytes)
     if target.format == "json" and not encoding.embed:
         encoded = encode_page(page, target, source, encoding)
     else:

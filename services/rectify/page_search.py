@@ -10,7 +10,7 @@ from services.contract.rectify import Origin, PageKind, RectifyParameters, Types
 from services.errors import NoText
 from services.geometry.focal_prior import FocalPrior
 from services.geometry.photo_frame import PhotoFrame
-from services.heap import release_freed_memory
+from services.heap import release_if_large
 from services.imaging.drawn_edges import is_drawn
 from services.imaging.reduction import Halves
 from services.notices import Notice
@@ -140,7 +140,7 @@ class _Search:
                 self.outlines.prepare()
             begin = self.outlines.begin if has_outline else None
             analysis = analyse_photo(self.halves, region, clock=self.clock, on_text=begin)
-            release_freed_memory()
+            release_if_large(self.photo.nbytes)
             self.other_sheet = analysis.window is not None
             if has_outline and not analysis.facing_page:
                 self.seek_outline(analysis)

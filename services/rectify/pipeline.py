@@ -7,7 +7,7 @@ import numpy as np
 
 from services.arrays import RgbImage
 from services.contract.rectify import Crop, Origin, RectifyParameters
-from services.heap import release_freed_memory
+from services.heap import release_if_large
 from services.imaging.normalization import normalize_illumination
 from services.ocr.engine import OcrEngine
 from services.rectify.effort import BRIEF, WHOLE, Effort
@@ -121,7 +121,7 @@ def flatten_page(
             with clock.stage("orientation"):
                 orientation, notice = orient_page(photo, analysis, view.frame, ocr)
             notices += [notice] if notice else []
-        release_freed_memory()
+        release_if_large(photo.nbytes)
         with clock.stage("remap"):
             flat, frame, stretch = drawing.finish(view, orientation)
     if parameters.illumination != "keep":  # looks of a scanner are made of it
