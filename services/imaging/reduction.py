@@ -28,16 +28,21 @@ def halve(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(even, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
+_LARGEST_KEPT_PX = 1 << 20
+"""Of a half: 3 MB in colour."""
+
+
 class Halves:
     """An image, its half, the half of that and so on by area averages; from the quarter on, each is made once.
 
-    Several steps reduce the same photo: a half of 12 megapixels takes 5 ms. The half itself is not kept: its 9 MB would
-    add to the peak of the whole work. Several threads may ask for them.
+    Several steps reduce the same photo: a half of 12 megapixels takes 5 ms. It is not kept: its 9 MB would add to the
+    peak of the whole work. That of a smaller photo is. Several threads may ask for them.
     """
 
     def __init__(self, image: NDArray[np.uint8]) -> None:
         """`image` is (H, W) or (H, W, 3)."""
         self.image = image
+        self._half: NDArray[np.uint8] | None = None
         self._quarters: list[NDArray[np.uint8]] = []
         self._making = threading.Lock()
 
@@ -48,14 +53,24 @@ class Halves:
 
     def halved(self, times: int) -> NDArray[np.uint8]:
         """The image after `times` halvings, without odd last rows and columns."""
-        if times < 2:
-            return halve(self.image) if times else self.image
+        if times == 0:
+            return self.image
         with self._making:
+            if times == 1:
+                return self._halve()
             if not self._quarters:
-                self._quarters.append(halve(halve(self.image)))
+                self._quarters.append(halve(self._halve()))
             while len(self._quarters) < times - 1:
                 self._quarters.append(halve(self._quarters[-1]))
             return self._quarters[times - 2]
+
+    def _halve(self) -> NDArray[np.uint8]:
+        if self._half is not None:
+            return self._half
+        half = halve(self.image)
+        if half.shape[0] * half.shape[1] <= _LARGEST_KEPT_PX:
+            self._half = half
+        return half
 
 
 def reduce_image(
