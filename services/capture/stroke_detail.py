@@ -13,6 +13,7 @@ import numpy as np
 from services.arrays import Floats, GrayImage, Points
 from services.capture.print_patches import Patches, choose_windows, cut_patches
 from services.geometry.homographies import from_resized
+from services.order_statistics import percentile
 
 _HALF = 1.2
 """Half the side of a patch: a few letters of one line, and the gaps to its neighbours."""
@@ -90,7 +91,7 @@ def _noise(patches: Patches) -> float:
     second = patches[:, :, 2:] - 2 * patches[:, :, 1:-1] + patches[:, :, :-2]
     mixed = np.abs(second[:, 2:] - 2 * second[:, 1:-1] + second[:, :-2])
     middle = patches[:, 1:-1, 1:-1]
-    light = np.percentile(middle, _PAPER_PERCENTILE, axis=(1, 2))[:, None, None]
+    light = percentile(middle.reshape(len(middle), -1), _PAPER_PERCENTILE)[:, None, None]
     on_paper = mixed[middle > light]
     return float(np.median(on_paper)) / 0.6745 / 6 if on_paper.size else 0.0
 

@@ -43,7 +43,17 @@ def only_where(mask: Mask | GrayImage, image: NDArray[Number]) -> NDArray[Number
 
 def log_brightness(image: RgbImage) -> NDArray[np.float32]:
     """Logarithm (H, W) of the mean of the channels of `image` (H, W, 3)."""
-    return np.asarray(np.log(mean_of_channels(image.astype(np.float32)) + BLACK_LEVELS), np.float32)
+    return _LOG_OF_SUM[sum_of_channels(image)]
+
+
+def sum_of_channels(image: RgbImage) -> NDArray[np.uint16]:
+    """Sum (H, W) of the channels of `image` (H, W, 3), of `SUMS` possible ones."""
+    total = np.add(image[..., 0], image[..., 1], dtype=np.uint16)
+    return np.asarray(np.add(total, image[..., 2], out=total), np.uint16)
+
+
+SUMS = 3 * 255 + 1
+_LOG_OF_SUM = np.log(np.arange(SUMS, dtype=np.float32) / np.float32(3) + BLACK_LEVELS).astype(np.float32)
 
 
 def mean_of_channels(image: Floats) -> Floats:

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt
 
 from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized, to_resized
-from services.imaging.channels import length_of_channels, mean_of_channels
+from services.imaging.channels import SUMS, sum_of_channels
 from services.imaging.illumination import PRINT_SHARE
 from services.imaging.reduction import GROUND_PX, Halves, reduce_image
 from services.robust import cauchy_weights, fit_reweighted, narrowing
@@ -42,6 +42,10 @@ APART = 0.92
 """Largest area of two sheets over that of their common hull. A dark fold leaves more, two sheets side by side 0.76."""
 GROUND = 0.1
 """Largest share of the strip between two sheets that is like their paper."""
+
+
+_LOG_OF_SUM = np.log(np.arange(SUMS, dtype=np.float64) / 3 + 1.0)
+"""Logarithm of a brightness by the sum of its channels."""
 
 
 Window = tuple[float, float, float, float]
@@ -236,10 +240,10 @@ def model_paper(
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
     at = np.clip(np.round(to_resized(text_points, factor)).astype(int), 0, [size[0] - 1, size[1] - 1])
-    lab = cv2.cvtColor(blank, cv2.COLOR_RGB2LAB).astype(np.float64)
-    log_brightness = np.log(mean_of_channels(blank.astype(np.float64)) + 1.0)
-    hue = np.median(lab[at[:, 1], at[:, 0], 1:], axis=0)
-    chroma = length_of_channels(lab[..., 1:] - hue)
+    log_brightness = _LOG_OF_SUM[sum_of_channels(blank)]
+    _, a, b = cv2.split(cv2.cvtColor(blank, cv2.COLOR_RGB2LAB))
+    a, b = (hues - float(np.median(hues[at[:, 1], at[:, 0]])) for hues in (a, b))
+    chroma = np.sqrt(a * a + b * b)
     contrast = log_brightness - continue_smoothly(log_brightness, at)
     on_paper = (np.abs(contrast[at[:, 1], at[:, 0]]) < p.text_contrast) & (
         chroma[at[:, 1], at[:, 0]] < p.text_chroma

@@ -21,6 +21,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.geometry.planar import estimate_plane
 from services.geometry.vanishing_points import FlowVanishingPoints
 from services.notices import Notice
+from services.order_statistics import percentile
 from services.sheet.developable.fitting import FittedSurface, SurfaceStart, fit_surface, rescale_deviations
 from services.sheet.developable.observations import (
     NO_EDGES,
@@ -348,13 +349,14 @@ def implausibility(surface: DevelopableSurface, characters: Points) -> str | Non
         good = np.isfinite(at.page).all(axis=1) & (at.X[:, 2] > 1e-3) & (det > 0) & (growth > 0.05)
     if good.mean() < MIN_VISIBLE:
         return "part of the text would be hidden or folded over"
-    low, high = np.percentile(np.sqrt(det[good]), [1, 99])
+    enlargement = np.sqrt(det[good])
+    low, high = (float(percentile(enlargement, share)) for share in (1, 99))
     if high >= MAX_MAGNIFICATION_RATIO * low:
         return f"some text would be enlarged {high / low:.0f} times as much as other text"
     sight = at.X[good] / np.linalg.norm(at.X[good], axis=1, keepdims=True)
     N = surface.normals(characters[good])
     tilt = np.arccos(np.clip(np.einsum("ij,ij->i", N, sight), -1, 1))
-    if np.percentile(tilt, 97) >= MAX_TILT_RAD:
+    if percentile(tilt, 97) >= MAX_TILT_RAD:
         return "part of the text would be seen edge-on"
     return None
 

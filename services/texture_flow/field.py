@@ -1,6 +1,7 @@
 """Samples of an orientation field, and the dense field between them."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -60,9 +61,20 @@ class FlowField:
 
     def at(self, points: Points) -> Vector:
         """Direction at `points` (N, 2), rad in [-pi/2, pi/2), bilinear between nodes, constant beyond them."""
-        table = TabulatedValues(self.doubled, self.origin, self.spacing_px)
-        value = table.at(points, border=cv2.BORDER_REPLICATE)
-        return np.asarray(0.5 * np.arctan2(value[:, 1], value[:, 0]))
+        return _halved_angle(self._table.at(points, border=cv2.BORDER_REPLICATE))
+
+    def at_pixels(self, pixels: NDArray[np.integer[Any]]) -> Vector:
+        """As `at` the points whose x and y are the whole numbers `pixels` (2, N), not negative; faster for many."""
+        return _halved_angle(self._table.at_pixels(pixels, border=cv2.BORDER_REPLICATE))
+
+    @property
+    def _table(self) -> TabulatedValues:
+        return TabulatedValues(self.doubled, self.origin, self.spacing_px)
+
+
+def _halved_angle(doubled: Floats) -> Vector:
+    """Directions (N,) of the doubled angles' (cos, sin) (N, 2)."""
+    return np.asarray(0.5 * np.arctan2(doubled[:, 1], doubled[:, 0]))
 
 
 def move_field(field: FlowField, by: tuple[float, float]) -> FlowField:

@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter
 
 from services.arrays import Floats, GrayImage, Mask, Vector
 from services.imaging.row_bands import BAND_ROWS, row_bands
+from services.order_statistics import percentile
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.regression import OUTLIER_RAD, reject_outliers, smooth_samples
 
@@ -65,11 +66,12 @@ class MinorFlowParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrokeEdges:
-    """Edge pixels that cross the major flow: `points` (E, 2), tangent `angles` (E,) rad, `strengths` (E,).
+    """Edge pixels that cross the major flow: `pixels` (2, E) x and y, tangent `angles` (E,) rad, `strengths` (E,).
 
-    `lines` (E,) is the major flow there, rad.
+    `points` (E, 2) are the pixels as numbers; `lines` (E,) is the major flow there, rad.
     """
 
+    pixels: NDArray[np.intp]
     points: NDArray[np.float32]
     angles: NDArray[np.float32]
     strengths: NDArray[np.float32]
@@ -111,13 +113,15 @@ def detect_stroke_edges(
         found[k] = edges.take(kept[k][-passed % step :: step])
         passed += len(kept[k])
     at, gx, gy, strengths = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    y, x = np.divmod(at, gray.shape[1])
-    points = np.stack([x, y], axis=1, dtype=np.float32)
+    y = at // gray.shape[1]
+    pixels = np.stack([at - y * gray.shape[1], y])
     # The tangent is perpendicular to the gradient.
     angles = np.arctan2(gx, -gy)
-    lines = major.at(points)
+    lines = major.at_pixels(pixels)
     clear = np.flatnonzero(np.abs(angle_difference(angles, lines)) > CROSSING_RAD)
-    return StrokeEdges(points[clear], angles[clear].astype(np.float32), strengths[clear], lines[clear])
+    pixels = pixels[:, clear]
+    points = np.stack([*pixels], axis=1, dtype=np.float32)
+    return StrokeEdges(pixels, points, angles[clear].astype(np.float32), strengths[clear], lines[clear])
 
 
 def _strong_edges(
@@ -156,7 +160,7 @@ def _strong_edges(
 def _strong_gradient(sampled: list[NDArray[np.float32]]) -> float:
     """Least gradient of a strong edge among samples (E,) of several bands."""
     strengths = np.concatenate(sampled)
-    return EDGE_SHARE * float(np.percentile(strengths, 99)) if strengths.size else 0.0
+    return EDGE_SHARE * float(percentile(strengths, 99)) if strengths.size else 0.0
 
 
 def strength_curves(
@@ -216,7 +220,9 @@ def estimate_minor_flow(
     block = BLOCK * text_height_px
     columns = int(shape[1] // block) + 1
     rows = int(shape[0] // block) + 1
-    which = (edges.points[:, 1] // block).astype(int) * columns + (edges.points[:, 0] // block).astype(int)
+    # Of every column and row once: remainders of single numbers take long.
+    column, row = ((np.arange(side, dtype=np.float32) // block).astype(int) for side in shape[::-1])
+    which = row[edges.pixels[1]] * columns + column[edges.pixels[0]]
     count = rows * columns
     population = np.bincount(which, minlength=count)
     mass = np.bincount(which, weights=edges.strengths, minlength=count)
@@ -242,7 +248,7 @@ def estimate_minor_flow(
     samples = reject_outliers(samples, 1.5 * sigma, shape, 3 * OUTLIER_RAD)
     field = smooth_samples(samples, shape, block, 1.5 * sigma)
     for _ in range(2):
-        deviation = angle_difference(edges.angles, field.at(edges.points))
+        deviation = angle_difference(edges.angles, field.at_pixels(edges.pixels))
         curves, directions = strength_curves(
             which, count, deviation, edges.strengths, FINE_RANGE_RAD, FINE_BIN_RAD
         )

@@ -40,8 +40,10 @@ def reject_outliers(
     for _ in range(2):
         field = smooth_samples(samples, shape, sigma_px / 1.5, sigma_px, order)
         deviation = np.abs(angle_difference(samples.angles, field.at(samples.points)))
-        limit = float(np.clip(5 * robust_scale(deviation), limit_rad / 8, limit_rad))
-        samples = samples.select(deviation <= limit)
+        kept = deviation <= float(np.clip(5 * robust_scale(deviation), limit_rad / 8, limit_rad))
+        if kept.all():  # the second round would be the first
+            break
+        samples = samples.select(kept)
     return samples
 
 

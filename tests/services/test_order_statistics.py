@@ -10,6 +10,7 @@ from services.order_statistics import (
     higher_quantile,
     mean,
     median,
+    percentile,
     percentile_of_sorted,
     quantile,
 )
@@ -34,3 +35,14 @@ def test_percentiles_of_rows_are_numpys(count: int) -> None:
         expected = np.percentile(rows, percent, axis=1)
         assert np.allclose(percentile_of_sorted(np.sort(rows, axis=1), percent), expected, rtol=1e-5)
         assert np.allclose(high_percentile(rows, percent), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 57, 2116])
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_a_percentile_is_numpys_to_the_last_bit(count: int, precision: type) -> None:
+    rows = np.random.default_rng(count).normal(100, 40, (9, count)).astype(precision)
+    for percent in (0, 1, 2.5, 30.0, 50.0, 80, 97.0, 99, 100):
+        found, expected = percentile(rows, percent), np.percentile(rows, percent, axis=1)
+        assert found.dtype == expected.dtype
+        assert np.array_equal(found, expected)
+        assert percentile(rows[0], percent) == np.percentile(rows[0], percent)

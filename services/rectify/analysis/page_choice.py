@@ -22,6 +22,7 @@ from services.imaging.channels import log_brightness
 from services.imaging.long_edges import LONG_SIDE_PX, LongEdge, LongEdgeParameters, find_long_edges
 from services.imaging.paper import Paper, PaperParameters
 from services.imaging.reduction import Halves, reduce_image
+from services.order_statistics import percentile
 from services.rectify.analysis.found_text import STRAY_SHARE
 from services.rectify.analysis.gutter import (
     PAGE_GAP,
@@ -277,7 +278,7 @@ def _divides_along(
         return from_resized((points + low) @ np.linalg.inv(A).T, factor)
 
     at, samples = place(text.characters), place(text.major.points)
-    along = (float(np.percentile(at[:, 1], 2)), float(np.percentile(at[:, 1], 98)))
+    along = (float(percentile(at[:, 1], 2)), float(percentile(at[:, 1], 98)))
     for edge in find_long_edges(np.asarray(turned), shown, along, width, EDGES):
         away = (at[:, 0] - edge.at(at[:, 1])) / factor
         if (np.abs(away) < NEAR * text.height).sum() <= NEAR_SHARE * len(at):

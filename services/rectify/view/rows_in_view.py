@@ -11,6 +11,7 @@ from services.geometry.page_frame import Frame, resize_frame
 from services.imaging.photo_part import PhotoPart
 from services.ocr.engine import OcrEngine
 from services.ocr.text_lines import TextLine, cut_line
+from services.order_statistics import median
 from services.rectify.analysis.page_analysis import PageAnalysis
 from services.rectify.view.drawing import draw_gray_view
 from services.rectify.view.line_reader import CROP_HEIGHT_PX, LineReader, Way
@@ -60,11 +61,11 @@ def lines_in_view(analysis: PageAnalysis, view: Frame) -> list[TextLine]:
 
 def _line_of(middles: Points, sizes: Vector) -> TextLine:
     """The line of characters by their `middles` (n, 2) and `sizes` (n,), pixels."""
-    size = float(np.median(sizes))
+    size = median(sizes)
     x, y = middles.T
     centre = (x.min() + x.max()) / 2
     slope, _ = np.polyfit(x - centre, y, 1)
-    middle = float(np.median(y - slope * (x - centre)))
+    middle = median(y - slope * (x - centre))
     reach = LINE_HEIGHT * size / 2
     box = (float(x.min() - size / 2), middle - reach, float(x.max() + size / 2), middle + reach)
     return TextLine(box, float(slope), 1.0)

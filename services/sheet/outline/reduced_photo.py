@@ -11,6 +11,7 @@ from services.arrays import Floats, Mask, Points, RgbImage
 from services.geometry.homographies import from_resized
 from services.imaging.channels import length_of_channels, strongest_channel
 from services.imaging.reduction import GROUND_PX, Halves
+from services.order_statistics import percentile
 from services.sheet.outline.colors import Codes, color_codes
 
 # How far the photo is reduced, and what counts as a black band.
@@ -103,7 +104,7 @@ def _edge_contrast(colors: NDArray[Any], window: tuple[int, int, int, int]) -> f
     shown = np.asarray(cv2.blur(colors[y0 : y1 + 1, x0 : x1 + 1], (3, 3)))
     steps = [shown[3:, :-3] - shown[:-3, :-3], shown[:-3, 3:] - shown[:-3, :-3]]
     difference = np.maximum(*(length_of_channels(step) for step in steps))
-    return float(np.clip(UNREST_FACTOR * np.percentile(difference, UNREST_PERCENTILE), *CONTRAST))
+    return float(np.clip(UNREST_FACTOR * percentile(difference.ravel(), UNREST_PERCENTILE), *CONTRAST))
 
 
 def _halved(halves: Halves, long_side_px: int) -> tuple[RgbImage, float]:

@@ -19,6 +19,7 @@ from services.geometry.photo_frame import PhotoFrame
 from services.imaging.channels import only_where
 from services.imaging.node_grid import take_values
 from services.kernels.library import RidgeLinks, address, find_kernels
+from services.order_statistics import median
 from services.sheet.developable.observations import NO_LINES, LineObservations
 from services.sheet.tracing.line_tracing import observe_lines, sampling_maps
 from services.sheet.tracing.page_text import TracedText
@@ -302,4 +303,4 @@ def _line_ends(
     inked = np.flatnonzero(flat.darkness[rows, at].max(axis=0) > 0.3)
     begin, end = (at[inked[0]], at[inked[-1]]) if len(inked) else (at[0], at[-1])
     y = np.interp([begin, end], x, base)
-    return float(begin), float(y[0]), float(end), float(y[1]), float(np.median(base - crown))
+    return float(begin), float(y[0]), float(end), float(y[1]), median(base - crown)
