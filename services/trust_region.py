@@ -5,6 +5,7 @@ SciPy's `least_squares` takes them. But the normal equations are decomposed, not
 by thirty unknowns that takes a fifth of the time, and half of the digits are enough for a step.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -43,7 +44,7 @@ def least_squares(
     """
     x, (value, jac) = start, evaluate(start)
     cost, count, damping = 0.5 * float(value @ value), 1, 0.0
-    radius = float(np.linalg.norm(start / scale)) or 1.0
+    radius = _length(start / scale) or 1.0
     ended = False
     while not ended and count < most_evaluations:
         gradient = value @ jac
@@ -60,16 +61,16 @@ def least_squares(
             new = x + scale * step
             new_value, new_jac = evaluate(new)
             count += 1
-            length = float(np.linalg.norm(step))
+            length = _length(step)
             if not np.isfinite(new_value).all():
                 radius = 0.25 * length
                 continue
             new_cost = 0.5 * float(new_value @ new_value)
             gain, expected = cost - new_cost, -float(0.5 * squares @ (parts * parts) + along @ parts)
             ratio = gain / expected if expected > 0 else float(expected == gain == 0)
-            ended = (gain < least_gain * cost and ratio > 0.25) or np.linalg.norm(
-                scale * step
-            ) < least_step * (least_step + np.linalg.norm(x))
+            ended = (gain < least_gain * cost and ratio > 0.25) or _length(scale * step) < least_step * (
+                least_step + _length(x)
+            )
             better = gain > 0
             if not ended:
                 before = radius
@@ -83,6 +84,11 @@ def least_squares(
     return Minimum(x, cost, jac, count)
 
 
+def _length(vector: Vector) -> float:
+    """As `np.linalg.norm` of a vector (M,), whose call takes longer than its sum."""
+    return math.sqrt(float(vector @ vector))
+
+
 def _step_within(along: Vector, squares: Vector, radius: float, damping: float) -> tuple[Vector, float]:
     """The best step no longer than `radius`, along the axes (M,) of the normal equations, and its damping.
 
@@ -90,17 +96,17 @@ def _step_within(along: Vector, squares: Vector, radius: float, damping: float) 
     the last step's.
     """
     parts = -along / squares
-    longer = float(np.linalg.norm(parts))
+    longer = _length(parts)
     if longer <= radius:
         return parts, 0.0
-    upper = float(np.linalg.norm(along)) / radius
+    upper = _length(along) / radius
     lower = (longer - radius) * longer / float(np.sum(along**2 / squares**3))
     for _ in range(MOST_DAMPINGS):
         if not lower <= damping <= upper:
             damping = max(0.001 * upper, (lower * upper) ** 0.5)
         held = squares + damping
         parts = -along / held
-        longer = float(np.linalg.norm(parts))
+        longer = _length(parts)
         excess = longer - radius
         if excess < 0:
             upper = damping
@@ -110,4 +116,4 @@ def _step_within(along: Vector, squares: Vector, radius: float, damping: float) 
         if abs(excess) < RADIUS_SLACK * radius:
             break
     parts = -along / (squares + damping)
-    return parts * (radius / float(np.linalg.norm(parts))), damping
+    return parts * (radius / _length(parts)), damping

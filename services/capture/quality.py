@@ -200,6 +200,10 @@ def _measure_light(gray: GrayImage, characters: Points, height_px: float) -> tup
     side = max(3, round(_BLOB_HEIGHTS * height_px * factor) | 1)
     kernel = np.ones((side, side), np.uint8)
     bright = np.asarray((small >= _GLARE_LEVEL) & (page > 0), np.uint8)
+    dark = np.asarray((small <= _SHADOW_LEVEL) & (page > 0), np.uint8)
+    shadow = float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area if dark.any() else 0.0
+    if not bright.any():
+        return 0.0, shadow
     places = np.clip(np.round(characters * factor).astype(int), 0, np.array(small.shape[::-1]) - 1)
     around = cv2.blur(bright.astype(np.float32), (side, side))[places[:, 1], places[:, 0]]
     glare = 0.0
@@ -207,8 +211,7 @@ def _measure_light(gray: GrayImage, characters: Points, height_px: float) -> tup
         blobs = np.asarray(cv2.morphologyEx(bright, cv2.MORPH_OPEN, kernel), np.uint8)
         if blobs.any():
             glare = float(_without_print(blobs, kernel, places, len(characters) / area).sum()) / area
-    dark = np.asarray((small <= _SHADOW_LEVEL) & (page > 0), np.uint8)
-    return glare, float(cv2.morphologyEx(dark, cv2.MORPH_OPEN, kernel).sum()) / area
+    return glare, shadow
 
 
 def _without_print(blobs: GrayImage, kernel: GrayImage, at: NDArray[np.int_], usual: float) -> Mask:

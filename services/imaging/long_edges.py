@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.arrays import Floats, Mask, Vector
+from services.imaging.channels import only_where
 from services.imaging.grid_paths import SHIFT_COST, accumulate_to_row, trace_back
 from services.order_statistics import median, median_along
 
@@ -206,8 +207,8 @@ def _band_steps(brightness: Floats, shown: Mask, p: LongEdgeParameters) -> tuple
         borderValue=1,
     )
     shape = (bands, p.band_px, brightness.shape[1])
-    count = clear.reshape(shape).sum(axis=1).astype(np.float64)
-    total = (step * clear).reshape(shape).sum(axis=1).astype(np.float64)
+    count = clear.reshape(shape).sum(axis=1, dtype=np.uint8).astype(np.float64)
+    total = only_where(clear, step).reshape(shape).sum(axis=1).astype(np.float64)
     return total / np.maximum(count, 1), (count >= 0.75 * p.band_px).astype(np.float64)
 
 

@@ -93,11 +93,13 @@ def detect_edges(gray: GrayImage) -> Mask:
     diagonal = float(np.hypot(*gray.shape))
     sigma = max(LOG_SIGMA * diagonal, 0.8)
     smoothed = cv2.GaussianBlur(gray, (0, 0), sigma, dst=None)
-    response = np.abs(cv2.Laplacian(smoothed, cv2.CV_16S, ksize=1))
+    response = cv2.Laplacian(smoothed, cv2.CV_16S, ksize=1)
     noise = robust_scale(response[::7, ::7].astype(np.float32) * sigma**2)
     threshold = max(EDGE_NOISE_FACTOR * noise, EDGE_CONTRAST * sigma**2 / 2)
-    # Responses are whole numbers, so their bound is one too.
-    return np.asarray(response > int(threshold / sigma**2))
+    # Responses are whole numbers, so their bound is one too; where bytes hold it, they are compared as bytes.
+    bound = int(threshold / sigma**2)
+    size = cv2.convertScaleAbs(response) if bound < np.iinfo(np.uint8).max else np.abs(response)
+    return np.asarray(size > bound)
 
 
 def find_text_area(edges: Mask, diameter_px: float) -> Mask:

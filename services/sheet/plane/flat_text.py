@@ -57,7 +57,7 @@ def flatten_text(text: TracedText, view: PhotoFrame, plane: PagePlane) -> FlatTe
     width, height = (max(int(np.ceil(v)), 1) for v in (high - low) * scale)
     H_reduced_flat = H_reduced_plane @ np.linalg.inv(H_flat_plane)
     ink = cv2.warpPerspective(
-        text.ink.astype(np.uint8) * 255,
+        text.ink.view(np.uint8) * np.uint8(255),
         H_reduced_flat,
         (width, height),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
