@@ -147,6 +147,13 @@ def abort() -> None:
     os.abort()
 
 
+def free_memory(size: int) -> int:
+    """Id of the process, which has freed so many bytes, in blocks that come from the heap."""
+    blocks = [b"x" * 100_000 for _ in range(size // 100_000)]
+    del blocks
+    return os.getpid()
+
+
 def keep_memory(size: int) -> int:
     _KEPT.append(b"x" * size)
     return os.getpid()

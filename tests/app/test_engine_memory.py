@@ -1,14 +1,16 @@
 """Workers and memory: what fails for lack of it is 413, and a worker that keeps too much is replaced."""
 
 import asyncio
+import os
 import signal
+from pathlib import Path
 
 import pytest
 
 from app.engine.base import OutOfMemory, WorkerDied
 from app.engine.outcomes import Losses
-from tests.app.jobs import abort, fail_for_lack_of_memory, keep_memory, size_of
-from tests.app.pools import engine, named
+from tests.app.jobs import abort, fail_for_lack_of_memory, free_memory, keep_memory, size_of
+from tests.app.pools import engine, named, until
 
 MIB = 2**20
 
@@ -43,6 +45,20 @@ def test_a_worker_that_keeps_memory_is_replaced() -> None:
             assert {*first, last} == {last}
             assert await pool.submit(named(keep_memory), MIB) != last
             assert pool.status().worker_deaths == 0
+
+    asyncio.run(check())
+
+
+def test_an_idle_worker_gives_back_what_it_has_freed() -> None:
+    def resident_bytes(pid: int) -> int:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    async def check() -> None:
+        async with engine() as pool:
+            pid = await pool.submit(named(free_memory), 0)
+            before = resident_bytes(pid)
+            assert await pool.submit(named(free_memory), 50 * MIB) == pid
+            await until(lambda: resident_bytes(pid) < before + 25 * MIB)
 
     asyncio.run(check())
 
