@@ -43,7 +43,7 @@ def only_where(mask: Mask | GrayImage, image: NDArray[Number]) -> NDArray[Number
 
 def log_brightness(image: RgbImage) -> NDArray[np.float32]:
     """Logarithm (H, W) of the mean of the channels of `image` (H, W, 3)."""
-    return _LOG_OF_SUM[sum_of_channels(image)]
+    return np.asarray(_LOG_OF_SUM[sum_of_channels(image)], np.float32)
 
 
 def sum_of_channels(image: RgbImage) -> NDArray[np.uint16]:

@@ -193,18 +193,24 @@ def _band_steps(brightness: Floats, shown: Mask, p: LongEdgeParameters) -> tuple
     kernel *= np.sqrt(2 * np.pi) * p.sigma_px
     bands = len(brightness) // p.band_px
     rows = bands * p.band_px
-    step = cv2.filter2D(
-        np.ascontiguousarray(brightness[:rows]),
-        cv2.CV_32F,
-        kernel[None].astype(np.float32),
-        borderType=cv2.BORDER_REPLICATE,
+    step: NDArray[np.float32] = np.asarray(
+        cv2.filter2D(
+            np.ascontiguousarray(brightness[:rows]),
+            cv2.CV_32F,
+            kernel[None].astype(np.float32),
+            borderType=cv2.BORDER_REPLICATE,
+        ),
+        np.float32,
     )
     near = np.ones((1, 2 * reach + 1), np.uint8)
-    clear = cv2.erode(
-        np.ascontiguousarray(shown[:rows]).astype(np.uint8),
-        near,
-        borderType=cv2.BORDER_CONSTANT,
-        borderValue=1,
+    clear = np.asarray(
+        cv2.erode(
+            np.ascontiguousarray(shown[:rows]).astype(np.uint8),
+            near,
+            borderType=cv2.BORDER_CONSTANT,
+            borderValue=1,
+        ),
+        np.uint8,
     )
     shape = (bands, p.band_px, brightness.shape[1])
     count = clear.reshape(shape).sum(axis=1, dtype=np.uint8).astype(np.float64)

@@ -238,7 +238,7 @@ def model_paper(
     size = (small.shape[1], small.shape[0])
     side = max(int(PRINT_SHARE * max(size)) | 1, 3)
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    blank = cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5)
+    blank = np.asarray(cv2.medianBlur(cv2.morphologyEx(small, cv2.MORPH_CLOSE, kernel), 5), np.uint8)
     at = np.clip(np.round(to_resized(text_points, factor)).astype(int), 0, [size[0] - 1, size[1] - 1])
     log_brightness = _LOG_OF_SUM[sum_of_channels(blank)]
     _, a, b = cv2.split(cv2.cvtColor(blank, cv2.COLOR_RGB2LAB))
