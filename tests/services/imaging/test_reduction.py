@@ -78,3 +78,12 @@ def test_reduction_averages_noise_as_areas_do(factor: float, fine: bool) -> None
     small = reduce_image(noise, factor, fine=fine)
     areas = cv2.resize(noise, (small.shape[1], small.shape[0]), interpolation=cv2.INTER_AREA)
     assert 0.6 < float(small.std()) / float(areas.std()) < 1.06
+
+
+def test_halves_of_small_photos_are_made_once() -> None:
+    small, large = (np.zeros((side, side, 3), np.uint8) for side in (400, 2200))
+    for image, is_kept in ((small, True), (large, False)):
+        halves = Halves(image)
+        assert (halves.halved(1) is halves.halved(1)) == is_kept
+        assert np.array_equal(halves.halved(1), halve(image))
+        assert halves.halved(2) is halves.halved(2)

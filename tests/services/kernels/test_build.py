@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from services.kernels import build, library
@@ -83,3 +84,11 @@ def test_the_command_succeeds_where_it_cannot_compile(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert "there is no C compiler" in done.stderr
     assert "plain versions" in done.stderr
+
+
+def test_the_address_of_an_array_is_that_of_its_first_number() -> None:
+    array = np.arange(60.0).reshape(6, 10)
+    fixed = array.copy()
+    fixed.flags.writeable = False
+    for each in (array, array[2:, 3:], array[::-1], array.T, fixed, array > 3, array.view(np.uint8)):
+        assert library.address(each) == each.ctypes.data

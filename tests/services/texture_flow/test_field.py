@@ -214,3 +214,25 @@ def test_samples_are_selected_whole() -> None:
     assert chosen.angles.tolist() == [0.0, 3.0]
     assert np.array_equal(chosen.points, samples.points[[0, 3]])
     assert chosen.weights.tolist() == [0.0, 0.6]
+
+
+def test_directions_at_pixels_are_those_at_points() -> None:
+    field = smooth_samples(
+        FlowSamples(scatter(60), np.random.default_rng(2).uniform(-1, 1, 60), np.ones(60)), SHAPE, 17.3, 90.0
+    )
+    pixels = np.random.default_rng(3).integers(0, [[SHAPE[1]], [SHAPE[0]]], (2, 9000))
+    assert np.array_equal(field.at_pixels(pixels), field.at(pixels.T.astype(np.float32)))
+    assert field.at_pixels(pixels[:, :0]).shape == (0,)
+
+
+def test_what_no_outlier_is_in_is_judged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    fields: list[FlowField] = []
+
+    def smooth(*arguments: object) -> FlowField:
+        fields.append(smooth_samples(*arguments))  # type: ignore[arg-type]
+        return fields[-1]
+
+    monkeypatch.setattr("services.texture_flow.regression.smooth_samples", smooth)
+    straight = FlowSamples(scatter(60), np.full(60, 0.1), np.ones(60))
+    assert len(reject_outliers(straight, 90.0, SHAPE, 0.1)) == 60
+    assert len(fields) == 1
