@@ -53,7 +53,7 @@ def release_freed_memory() -> None:
     _trim(0)
 
 
-def release_if_large(image_bytes: int) -> None:
-    """`release_freed_memory` between the steps of a large image; what a small one leaves is for its next steps."""
-    if image_bytes >= LARGE_BYTES:
+def release_if_large(size_bytes: int) -> None:
+    """`release_freed_memory` after a step with a large image or upload; what a small one leaves is for later steps."""
+    if size_bytes >= LARGE_BYTES:
         release_freed_memory()

@@ -23,7 +23,7 @@ from app.engine.busy_workers import BusyWorkers
 from services.contract.worker_facts import WorkerFacts
 from services.deadline import answered_within
 from services.errors import DocumentError
-from services.heap import keep_few_heaps, keep_freed_memory, release_freed_memory
+from services.heap import keep_few_heaps, keep_freed_memory, release_freed_memory, release_if_large
 from services.progress import progress_to
 from services.side_by_side import spare_processors
 
@@ -117,7 +117,9 @@ def _answer_next(connection: Connection, busy: BusyWorkers) -> bytes | None:
         return None
     try:
         operation, arguments, limit_s, listens = pickle.loads(call)
+        size = len(call)
         del call  # uploads are large: this leaves one copy while the operation runs
+        release_if_large(size)
         reports = ProgressReports(connection).send if listens else None
         with progress_to(reports), answered_within(limit_s), spare_processors(busy.spare_for_each):
             return pickle.dumps((DONE, run(operation, arguments)))
