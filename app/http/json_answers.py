@@ -16,5 +16,5 @@ async def answer_json(
 
     Every response whose size grows with the upload or with the store is made so; the largest take 0.4 s.
     """
-    body = await asyncio.to_thread(lambda: make().model_dump_json(by_alias=True))
+    body = await asyncio.to_thread(lambda: make().model_dump_json(by_alias=True).encode())
     return Response(body, status, headers, JSON)

@@ -65,16 +65,22 @@ class MinorFlowParameters:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StrokeEdges:
-    """Edge pixels that cross the major flow: `pixels` (2, E) x and y, tangent `angles` (E,) rad, `strengths` (E,).
+class Edges:
+    """Strong edge pixels: `pixels` (2, E) x and y, tangent `angles` (E,) rad, `strengths` (E,).
 
-    `points` (E, 2) are the pixels as numbers; `lines` (E,) is the major flow there, rad.
+    `points` (E, 2) are the pixels in single precision.
     """
 
     pixels: NDArray[np.intp]
     points: NDArray[np.float32]
     angles: NDArray[np.float32]
     strengths: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StrokeEdges(Edges):
+    """Those that cross the major flow; `lines` (E,) is the major flow there, rad."""
+
     lines: Vector
 
 
@@ -86,7 +92,7 @@ class MinorFlow:
     field: FlowField
 
 
-class _Edges(NamedTuple):
+class _Band(NamedTuple):
     """Edge pixels of a band: index in the image, gradient, and its magnitude, (E,) each."""
 
     at: NDArray[np.intp]
@@ -94,15 +100,13 @@ class _Edges(NamedTuple):
     y: NDArray[np.float32]
     strength: NDArray[np.float32]
 
-    def take(self, which: NDArray[np.intp]) -> "_Edges":
-        return _Edges(self.at[which], self.x[which], self.y[which], self.strength[which])
+    def take(self, which: NDArray[np.intp]) -> "_Band":
+        return _Band(self.at[which], self.x[which], self.y[which], self.strength[which])
 
 
-def detect_stroke_edges(
-    gray: GrayImage, area: Mask, major: FlowField, parameters: MinorFlowParameters
-) -> StrokeEdges:
-    """Strong edges in the text `area` whose tangents differ enough from the major flow."""
-    p = parameters
+def detect_edges(gray: GrayImage, area: Mask, parameters: MinorFlowParameters | None = None) -> Edges:
+    """Strong edges of a flat-fielded image (H, W) in the text `area` (H, W)."""
+    p = parameters or MinorFlowParameters()
     found, strong = _strong_edges(gray, area, p, LIKELY_SHARE)
     if found is None:  # the first bands had far stronger edges than the others
         found, strong = _strong_edges(gray, area, p, 0.0)
@@ -116,17 +120,21 @@ def detect_stroke_edges(
     y = at // gray.shape[1]
     pixels = np.stack([at - y * gray.shape[1], y])
     # The tangent is perpendicular to the gradient.
-    angles = np.arctan2(gx, -gy)
-    lines = major.at_pixels(pixels)
-    clear = np.flatnonzero(np.abs(angle_difference(angles, lines)) > CROSSING_RAD)
-    pixels = pixels[:, clear]
     points = np.stack([*pixels], axis=1, dtype=np.float32)
-    return StrokeEdges(pixels, points, angles[clear].astype(np.float32), strengths[clear], lines[clear])
+    return Edges(pixels, points, np.arctan2(gx, -gy), strengths)
+
+
+def edges_of_strokes(edges: Edges, major: FlowField) -> StrokeEdges:
+    """Edges whose tangents differ enough from the major flow."""
+    lines = major.at_pixels(edges.pixels)
+    clear = np.flatnonzero(np.abs(angle_difference(edges.angles, lines)) > CROSSING_RAD)
+    angles, pixels = edges.angles[clear].astype(np.float32), edges.pixels[:, clear]
+    return StrokeEdges(pixels, edges.points[clear], angles, edges.strengths[clear], lines[clear])
 
 
 def _strong_edges(
     gray: GrayImage, area: Mask, p: MinorFlowParameters, likely_share: float
-) -> tuple[list[_Edges] | None, float]:
+) -> tuple[list[_Band] | None, float]:
     """Edges of all bands that may be strong, and the least gradient of a strong one.
 
     After the first bands, edges below `likely_share` of what is strong in these are not kept. None if strong ones may
@@ -136,7 +144,7 @@ def _strong_edges(
     smooth = np.exp(-0.5 * (taps / DERIVATIVE_SIGMA_PX) ** 2)
     smooth /= smooth.sum()
     slope = taps * smooth / float((taps**2 * smooth).sum())
-    sampled, found = list[NDArray[np.float32]](), list[_Edges]()
+    sampled, found = list[NDArray[np.float32]](), list[_Band]()
     step, passed, least, strong = max(int(area.sum()) // 100_000, 1), 0, EDGE_FLOOR, 0.0
     for number, (rows, seen, inner) in enumerate(row_bands(len(gray), len(taps) // 2, p.band_rows)):
         if number * GOLDEN % 1.0 >= p.band_share:
@@ -150,7 +158,7 @@ def _strong_edges(
         sampled.append(inside[-passed % step :: step].copy())  # a view would keep all of them
         passed += inside.size
         at = np.flatnonzero((strength > least) & within)
-        found.append(_Edges(at + rows.start * gray.shape[1], gx[at], gy[at], strength[at]))
+        found.append(_Band(at + rows.start * gray.shape[1], gx[at], gy[at], strength[at]))
         if least == EDGE_FLOOR and likely_share * passed > ENOUGH_SHARE * area.size:
             least = max(EDGE_FLOOR, likely_share * _strong_gradient(sampled))
     strong = _strong_gradient(sampled)
@@ -201,22 +209,16 @@ def fit_curve_peaks(curves: Floats, directions: Vector, half_width: float) -> Ve
 
 
 def estimate_minor_flow(
-    gray: GrayImage,
-    area: Mask,
-    text_height_px: float,
-    major: FlowField,
-    parameters: MinorFlowParameters | None = None,
+    detected: Edges, shape: tuple[int, int], text_height_px: float, major: FlowField
 ) -> MinorFlow | None:
-    """Minor flow of a flat-fielded image in the text `area` (H, W); None if there are no strokes.
+    """Minor flow of an image of `shape` (H, W) by the edges that were `detected` in it; None if there are no strokes.
 
     Strength curves over the half circle, smoothed over neighbouring blocks, give a coarse field. Curves of the
     deviation from that field, with narrow bins, then give the samples.
     """
-    p = parameters or MinorFlowParameters()
-    edges = detect_stroke_edges(gray, area, major, p)
+    edges = edges_of_strokes(detected, major)
     if len(edges.points) < MIN_EDGES:
         return None
-    shape = (gray.shape[0], gray.shape[1])
     block = BLOCK * text_height_px
     columns = int(shape[1] // block) + 1
     rows = int(shape[0] // block) + 1

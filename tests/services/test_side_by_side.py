@@ -47,12 +47,39 @@ def test_processors_are_spare_again_when_steps_have_ended() -> None:
         first, second = SideStep(lambda: go.wait(20.0)), SideStep(int)
         assert first.is_beside
         assert not second.is_beside
+        assert second.result() == 0, "a step that waits runs in the thread that asks for its result"
+        assert not second.is_beside
         go.set()
         assert first.result()
         with SideStep(int) as third:
             assert third.is_beside
         left[0] = 0  # the other workers are busy now
         assert not SideStep(int).is_beside
+
+
+def test_a_step_waits_for_the_processor_of_another() -> None:
+    go, threads = threading.Event(), list[int]()
+    with spare_processors(spare(1)):
+        first = SideStep(lambda: go.wait(20.0))
+        second, third = (SideStep(lambda: threads.append(threading.get_ident())) for _ in range(2))
+        third.end()  # it has not begun, and will not
+        go.set()
+        assert first.result()
+        second.result()
+        assert second.is_beside
+        third.result()
+    assert len(threads) == 1
+    assert threads[0] != threading.get_ident()
+
+
+def test_a_step_that_waits_does_not_begin_beside_where_others_need_the_processor() -> None:
+    go, left = threading.Event(), [1]
+    with spare_processors(lambda: left[0]):
+        first, second = SideStep(lambda: go.wait(20.0)), SideStep(threading.get_ident)
+        left[0] = 0
+        go.set()
+        assert first.result()
+        assert second.result() == threading.get_ident()
 
 
 def test_a_step_beside_starts_no_other() -> None:

@@ -40,17 +40,12 @@ class OutlineSearch:
     def prepare(self) -> None:
         """Begin to reduce the photo, if a processor is spare: that needs no text."""
         if min(self._photo.image.shape[:2]) >= LEAST_SIDE_PX:
-            step = SideStep(partial(reduce_photo, self._photo))
-            self._reducing = step if step.is_beside else None
+            self._reducing = SideStep(partial(reduce_photo, self._photo))
 
     def begin(self, seen: FoundText) -> None:
-        """Begin, if a processor is spare, with all text that was `seen`: mostly all of it lies on the sheet."""
+        """Begin, once a processor is spare, with all text that was `seen`: mostly all of it lies on the sheet."""
         self._end_search()
-        if self._reducing is not None:
-            self._reducing.result()
-        step = SideStep(lambda: self._seek_and_read(seen))
-        if step.is_beside:
-            self._begun = seen, step
+        self._begun = seen, SideStep(lambda: self._seek_and_read(seen))
 
     def find(self, seen: FoundText | PageAnalysis | None) -> SheetOutline | None:
         """The outline of the sheet on which the text is that was `seen`; None where no sheet's edge is seen."""
@@ -62,6 +57,8 @@ class OutlineSearch:
             is_same = before.text_height_px == seen.text_height_px and before.window == seen.window
             if is_same and np.array_equal(before.characters, seen.characters):
                 self._read = step.result()
+                if self._reducing is not None:
+                    self._reducing.result()  # its CPU time counts here
                 return self._read[0]
             self._end_search()
         return self._seek(seen)

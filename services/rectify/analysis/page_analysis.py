@@ -28,10 +28,11 @@ from services.rectify.analysis.page_choice import PageChoice, choose_page
 from services.rectify.stage_clock import StageClock
 from services.sheet.evidence import PageEvidence
 from services.sheet.tracing.page_text import TracedText
+from services.side_by_side import SideStep
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference, move_field, resize_field
 from services.texture_flow.leaning_type import upright_type
 from services.texture_flow.major import MajorFlow, detect_coarse_flow, refine_major_flow
-from services.texture_flow.minor import MinorFlow, estimate_minor_flow
+from services.texture_flow.minor import Edges, MinorFlow, detect_edges, estimate_minor_flow
 from services.texture_flow.text_identification import (
     FEWEST_CHARACTERS,
     IdentifiedText,
@@ -233,11 +234,9 @@ def _analyse_dark_print(
     """`analyse_photo` or `analyse_spread` for dark print on light paper."""
     with clock.stage("text"):
         seen = find_text(photo, region, p)
-    if on_text is not None:
-        on_text(seen)
     factor, text = seen.factor, seen.text
     with clock.stage("texture_flow"):
-        flows = _measure_flows(seen, text, p)
+        flows = _measure_flows(seen, text, p, on_text)
     facing, found = None, None
     if region is None or is_spread:
         with clock.stage("text"):
@@ -349,20 +348,35 @@ def _analysis_of(
 
 
 def _measure_flows(
-    seen: FoundText, text: IdentifiedText, p: AnalysisParameters
+    seen: FoundText,
+    text: IdentifiedText,
+    p: AnalysisParameters,
+    on_begin: Callable[[FoundText], object] | None = None,
 ) -> tuple[MajorFlow, MinorFlow | None, PhotoPart]:
-    """The major flow in the frame of `seen.reduced`, and the minor flow in that of the part with strokes."""
-    major = refine_major_flow(text, detect_coarse_flow(text, p.major), p.major)
-    strokes, area = _cut_text(seen, text, p)
+    """The major flow in the frame of `seen.reduced`, and the minor flow in that of the part with strokes.
+
+    Edges are sought beside the major flow, if a processor is spare. What `on_begin` begins waits for the same one.
+    """
+    with SideStep(lambda: _detect_edges(seen, text, p)) as edges_beside:
+        if on_begin is not None:
+            on_begin(seen)
+        major = refine_major_flow(text, detect_coarse_flow(text, p.major), p.major)
+        strokes, edges = edges_beside.result()
     enlarge = strokes.factor / seen.factor
     lines = move_field(resize_field(major.field, 1 / seen.factor), (-strokes.origin[0], -strokes.origin[1]))
     lines = resize_field(lines, strokes.factor)
-    minor = estimate_minor_flow(strokes.image, area, text.text_height_px * enlarge, lines, p.minor)
+    shape = (strokes.image.shape[0], strokes.image.shape[1])
+    minor = estimate_minor_flow(edges, shape, text.text_height_px * enlarge, lines)
     if minor is not None:
         found = minor.samples
         lean = angle_difference(found.angles, lines.at(found.points) + np.pi / 2)
         minor = replace(minor, samples=upright_type(found, lean))
     return major, minor, strokes
+
+
+def _detect_edges(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> tuple[PhotoPart, Edges]:
+    strokes, area = _cut_text(seen, text, p)
+    return strokes, detect_edges(strokes.image, area, p.minor)
 
 
 def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> tuple[PhotoPart, Mask]:

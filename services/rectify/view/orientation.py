@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -177,10 +178,25 @@ class _PageDetection:
             self._asked = True
             if isinstance(self._ocr, DirectionDetector):
                 factor = min(1.0, AnalysisParameters().long_side_px / max(self._flat.shape))
-                self._found = self._ocr.detect_direction(
-                    flatten_illumination(reduce_image(self._flat, factor))
-                )
+                page = flatten_illumination(reduce_image(self._flat, factor))
+                self._found = _detect_both_ways(page, self._ocr)
         return self._found
+
+
+def _detect_both_ways(page: GrayImage, engine: DirectionDetector) -> ReadDirection | None:
+    """What the engine says of the page (H, W); surer where it says the same, as sure, of the page turned by half.
+
+    That is asked of East Asian print only.
+
+    One of four views of a Chinese page had a confidence of 4, and 10.7 turned by half.
+    """
+    found = engine.detect_direction(page)
+    if found is None or found.script not in EAST_ASIAN_SCRIPTS or found.confidence >= LEAST_SURE_CONFIDENCE:
+        return found
+    again = engine.detect_direction(np.ascontiguousarray(np.rot90(page, 2)))
+    if again is None or again.script != found.script or (again.turned_deg - found.turned_deg) % 360 != 180:
+        return found
+    return replace(found, confidence=max(found.confidence, again.confidence))
 
 
 def _decide(

@@ -37,6 +37,8 @@ class ViewDrawing:
         step = SideStep(drawing.draw)
         if step.is_beside:
             self._begun = frame, drawing, step
+        else:
+            step.end()
 
     def finish(self, view: JudgedView, orientation: Orientation) -> tuple[RgbImage, Frame, float | None]:
         """The `view` turned to its `orientation`, its frame, and the factor by which it was stretched, if it was."""

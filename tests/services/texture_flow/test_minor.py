@@ -5,11 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from services.arrays import GrayImage, Mask
 from services.texture_flow import minor
 from services.texture_flow.field import FlowField, FlowSamples, angle_difference
 from services.texture_flow.minor import (
+    MinorFlow,
     MinorFlowParameters,
-    detect_stroke_edges,
+    StrokeEdges,
+    detect_edges,
+    edges_of_strokes,
     estimate_minor_flow,
     fit_curve_peaks,
     strength_curves,
@@ -54,6 +58,15 @@ def test_flow_of_curved_pages(album: Album, name: str) -> None:
     assert errors.mean() < 0.7
 
 
+def stroke_edges(gray: GrayImage, area: Mask, parameters: MinorFlowParameters | None = None) -> StrokeEdges:
+    return edges_of_strokes(detect_edges(gray, area, parameters), level_field())
+
+
+def minor_flow(gray: GrayImage, area: Mask, text_height_px: float, major: FlowField) -> MinorFlow | None:
+    height, width = gray.shape
+    return estimate_minor_flow(detect_edges(gray, area), (height, width), text_height_px, major)
+
+
 @pytest.mark.parametrize("turns", [1, 3])
 def test_a_turned_page_has_turned_strokes(pages: tuple[Page, ...], turns: int) -> None:
     gray = pages[1].image
@@ -61,7 +74,7 @@ def test_a_turned_page_has_turned_strokes(pages: tuple[Page, ...], turns: int) -
     for k in (0, turns):
         turned = np.ascontiguousarray(np.rot90(gray, k))
         text = identify_text(turned)
-        flow = estimate_minor_flow(turned, text.area, text.text_height_px, level_field(k * np.pi / 2))
+        flow = minor_flow(turned, text.area, text.text_height_px, level_field(k * np.pi / 2))
         assert flow is not None
         strokes = np.pi / 2 * (1 - k)
         found.append(np.degrees(angle_difference(flow.samples.angles, strokes)))
@@ -72,7 +85,7 @@ def test_a_turned_page_has_turned_strokes(pages: tuple[Page, ...], turns: int) -
 def test_strokes_of_a_straight_page_are_upright(pages: tuple[Page, ...]) -> None:
     for page in pages:
         text = identify_text(page.image)
-        flow = estimate_minor_flow(page.image, text.area, text.text_height_px, level_field())
+        flow = minor_flow(page.image, text.area, text.text_height_px, level_field())
         assert flow is not None
         lean = np.degrees(angle_difference(flow.samples.angles, np.pi / 2))
         assert np.abs(lean).mean() < 0.3, page.name
@@ -92,7 +105,7 @@ def test_edges_tell_their_direction(angle_deg: float) -> None:
     gray = draw_bars(np.radians(angle_deg))
     area = np.zeros(gray.shape, bool)
     area[20:-20, 20:-20] = True
-    edges = detect_stroke_edges(gray, area, level_field(), MinorFlowParameters())
+    edges = stroke_edges(gray, area)
     assert len(edges.points) > 2000
     assert area[edges.points[:, 1].astype(int), edges.points[:, 0].astype(int)].all()
     signed = np.degrees(angle_difference(edges.angles, np.radians(angle_deg)))
@@ -104,19 +117,18 @@ def test_edges_tell_their_direction(angle_deg: float) -> None:
 def test_strokes_along_the_lines_are_removed() -> None:
     area = np.zeros((300, 300), bool)
     area[20:-20, 20:-20] = True
-    parameters = MinorFlowParameters()
     for angle_deg in (0.0, 20.0, 37.0):
-        edges = detect_stroke_edges(draw_bars(np.radians(angle_deg)), area, level_field(), parameters)
+        edges = stroke_edges(draw_bars(np.radians(angle_deg)), area)
         assert len(edges.points) == 0, angle_deg
     for angle_deg in (43.0, 90.0, 137.0):
-        edges = detect_stroke_edges(draw_bars(np.radians(angle_deg)), area, level_field(), parameters)
+        edges = stroke_edges(draw_bars(np.radians(angle_deg)), area)
         assert len(edges.points) > 2000, angle_deg
 
 
 def test_many_edges_are_thinned_out_evenly() -> None:
     area = np.ones((300, 300), bool)
     few = MinorFlowParameters(max_edges=500)
-    edges = detect_stroke_edges(draw_bars(np.pi / 2), area, level_field(), few)
+    edges = stroke_edges(draw_bars(np.pi / 2), area, few)
     assert 200 < len(edges.points) <= 500
     quarters = np.histogram(edges.points[:, 1], 4, (0, 300))[0]
     assert quarters.min() > 0.6 * quarters.max()
@@ -171,12 +183,12 @@ def test_curves_are_weighted_histograms() -> None:
 def test_no_strokes_no_flow(shape: tuple[int, int], value: int) -> None:
     gray = np.full(shape, value, np.uint8)
     for area in (np.ones(shape, bool), np.zeros(shape, bool)):
-        assert estimate_minor_flow(gray, area, 10.0, level_field()) is None
+        assert minor_flow(gray, area, 10.0, level_field()) is None
 
 
 def test_horizontal_rules_alone_have_no_minor_flow() -> None:
     gray = draw_bars(0.0)
-    assert estimate_minor_flow(gray, np.ones(gray.shape, bool), 10.0, level_field()) is None
+    assert minor_flow(gray, np.ones(gray.shape, bool), 10.0, level_field()) is None
 
 
 def test_major_field_may_bend() -> None:
@@ -185,7 +197,7 @@ def test_major_field_may_bend() -> None:
     points = np.stack(np.meshgrid(np.arange(0, 300, 30.0), np.arange(0, 300, 30.0)), axis=-1).reshape(-1, 2)
     fan = FlowSamples(points, np.radians(20) * (points[:, 0] - 150) / 150, np.ones(len(points)))
     field = smooth_samples(fan, (300, 300), 20.0, 30.0)
-    flow = estimate_minor_flow(gray, np.ones((300, 300), bool), 10.0, field)
+    flow = minor_flow(gray, np.ones((300, 300), bool), 10.0, field)
     assert flow is not None
     assert errors_deg(flow.samples.angles, np.pi / 2).max() < 0.3
     assert errors_deg(flow.field.at(points), np.pi / 2).max() < 0.3
@@ -199,9 +211,9 @@ def test_edges_do_not_depend_on_what_the_first_bands_show(
     contrast = np.linspace(1.0, 0.08, 900)[::order, None]
     gray = (255 - contrast * (255 - bars)).astype(np.uint8)
     area = np.ones(gray.shape, bool)
-    found = detect_stroke_edges(gray, area, level_field(), MinorFlowParameters())
+    found = stroke_edges(gray, area)
     monkeypatch.setattr(minor, "LIKELY_SHARE", 0.0)
-    expected = detect_stroke_edges(gray, area, level_field(), MinorFlowParameters())
+    expected = stroke_edges(gray, area)
     assert len(found.points) > 2000
     for name in ("points", "angles", "strengths"):
         assert np.array_equal(getattr(found, name), getattr(expected, name)), name

@@ -72,7 +72,7 @@ class FlagReader:
 
 
 class DirectedReader(FlagReader):
-    """Cannot read lines, but sees directions."""
+    """Cannot read lines, but sees directions; the last one first."""
 
     def detect_direction(self, image: GrayImage) -> ReadDirection | None:
         return self.directions.pop()
@@ -226,9 +226,31 @@ def test_less_confidence_is_enough_for_a_direction_that_readings_found_too(
     assert ((found.confidence or 0.0) >= 0.5) == (seen_deg == 180)
 
 
-@pytest.mark.parametrize("direction", [None, ReadDirection(180, 5.0), ReadDirection(180, 5.0, "Han")])
-def test_doubtful_direction_is_not_believed(direction: ReadDirection | None) -> None:
-    reader = DirectedReader(good=("abcdef", 0.3), poor=("abcdef", 0.3), directions=[direction])
+HAN_UNSURE = ReadDirection(180, 5.0, "Han")
+
+
+@pytest.mark.parametrize("again_deg", [0, 180])
+def test_an_unsure_direction_counts_where_the_half_turned_page_is_sure_of_it(again_deg: int) -> None:
+    reader = DirectedReader(good=("abcdef", 0.3), poor=("abcdef", 0.3))
+    reader.directions = [ReadDirection(again_deg, 9.0, "Han"), HAN_UNSURE]
+    found = estimate_orientation(page_of_flags(), reader)
+    assert reader.directions == []
+    assert found.rotation_deg == (180 if again_deg == 0 else 0)
+    assert ((found.confidence or 0.0) >= 0.5) == (again_deg == 0)
+
+
+@pytest.mark.parametrize(
+    "directions",
+    [
+        [None],
+        [ReadDirection(180, 5.0)],
+        [ReadDirection(0, 5.0, "Han"), HAN_UNSURE],
+        [ReadDirection(0, 9.0, "Hangul"), HAN_UNSURE],
+        [None, HAN_UNSURE],
+    ],
+)
+def test_doubtful_direction_is_not_believed(directions: list[ReadDirection | None]) -> None:
+    reader = DirectedReader(good=("abcdef", 0.3), poor=("abcdef", 0.3), directions=directions.copy())
     found = estimate_orientation(page_of_flags(), reader)
     assert found.rotation_deg == 0
     assert found.confidence is not None
