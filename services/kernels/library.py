@@ -69,6 +69,21 @@ class CellMaps(ctypes.Structure):
     )
 
 
+class CellLevels(ctypes.Structure):
+    """`struct cell_levels` of `sharpness.c`."""
+
+    _fields_ = (
+        ("count", ctypes.c_ssize_t),
+        *((name, ctypes.c_void_p) for name in ("gray", "shown", "light", "weight", "energy")),
+    )
+
+
+class RelatedMaps(ctypes.Structure):
+    """`struct related` of `sharpness.c`."""
+
+    _fields_ = tuple((name, ctypes.c_void_p) for name in ("darkness", "slope", "energy", "bare"))
+
+
 class SheetTables(ctypes.Structure):
     """`struct sheet` of `surface.h`."""
 
@@ -167,7 +182,7 @@ class Threshold(ctypes.Structure):
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, SheetTables, SheetPoints))
 _ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, MeshNodes, Search))
-_DOUBLE = ctypes.c_double
+_DOUBLE, _FLOAT = ctypes.c_double, ctypes.c_float
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "blend_patch": (_IMAGE, _IMAGE, _ADDRESS, ctypes.POINTER(KernelPatch)),
@@ -184,6 +199,8 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "label_mask": (_IMAGE, _ADDRESS),
     "link_ridges": (ctypes.POINTER(RidgeLinks), _ADDRESS, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
+    "masked_medians": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "masked_sums": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "piece_costs": (*(_ADDRESS,) * 2, _SIZE, *(_ADDRESS,) * 2, _SIZE, _ADDRESS, _SIZE, _DOUBLE, _ADDRESS),
@@ -192,7 +209,10 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "measure_windows": (_IMAGE, ctypes.POINTER(TextWindows), *(_ADDRESS,) * 4),
     "outstanding_bin": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS),
     "polygon_distances": (_ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
+    "raise_strength": (_ADDRESS, _ADDRESS, _SIZE, _FLOAT, _FLOAT, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
+    "relate_cells": (ctypes.POINTER(CellLevels), _FLOAT, _FLOAT, _FLOAT, ctypes.POINTER(RelatedMaps)),
+    "remove_noise": (_ADDRESS, _SIZE, _ADDRESS),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
     "measure_steps": (_ADDRESS, *(_SIZE,) * 6, _ADDRESS, _ADDRESS),
     "sample_profiles": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
@@ -226,7 +246,7 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
-    for name in ("link_ridges", "measure_band"):
+    for name in ("link_ridges", "masked_sums", "measure_band"):
         getattr(library, name).restype = _SIZE
     return library if library.usable() else None
 
