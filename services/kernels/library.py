@@ -84,6 +84,49 @@ class RelatedMaps(ctypes.Structure):
     _fields_ = tuple((name, ctypes.c_void_p) for name in ("darkness", "slope", "energy", "bare"))
 
 
+class PrintShares(ctypes.Structure):
+    """`struct print_shares` of `levels.c`."""
+
+    _fields_ = (
+        ("scale", ctypes.c_float),
+        *((name, ctypes.c_int32) for name in ("ink_end", "paper_first", "paper_last", "chroma_end")),
+    )
+
+
+class TileCounts(ctypes.Structure):
+    """`struct tile_counts` of `levels.c`."""
+
+    _fields_ = (
+        ("counts", ctypes.c_void_p),
+        *((name, ctypes.c_int32) for name in ("rows", "columns", "bins")),
+    )
+
+
+class CanvasBox(ctypes.Structure):
+    """`struct canvas_box` of `canvas.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("page", "weight", "bright")),
+        *((name, ctypes.c_ssize_t) for name in ("page_stride", "weight_stride", "bright_stride")),
+        *((name, ctypes.c_int32) for name in ("width", "height")),
+    )
+
+
+class LitView(ctypes.Structure):
+    """`struct lit_view` of `canvas.c`."""
+
+    _fields_ = tuple((name, ctypes.c_void_p) for name in ("image", "gain", "feather", "shown"))
+
+
+class WordBox(ctypes.Structure):
+    """`struct word_box` of `words.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("words", "choices")),
+        *((name, ctypes.c_ssize_t) for name in ("words_stride", "choices_stride", "rows", "columns")),
+    )
+
+
 class SheetTables(ctypes.Structure):
     """`struct sheet` of `surface.h`."""
 
@@ -189,16 +232,23 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "draw_by_map": _DRAW,
     "draw_between_nodes": _DRAW,
     "draw_by_homography": _DRAW,
+    "add_lit": (ctypes.POINTER(CanvasBox), ctypes.POINTER(LitView)),
     "add_products": (_ROWS, _ADDRESS, _ADDRESS, _EQUATIONS),
     "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
+    "compare_cells": (ctypes.POINTER(CanvasBox), ctypes.POINTER(LitView), _ADDRESS, _ADDRESS),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "count_ink": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.POINTER(PrintShares), ctypes.POINTER(TileCounts)),
+    "count_shown": (ctypes.POINTER(WordBox), _ADDRESS, _SIZE, _ADDRESS),
+    "count_votes": (ctypes.POINTER(WordBox), _SIZE, _ADDRESS),
+    "end_mean": (_ADDRESS, _ADDRESS, _SIZE, _FLOAT, _ADDRESS),
     "flatten_part": (_IMAGE, _IMAGE, ctypes.POINTER(Placing), _IMAGE),
     "keep_labels": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32, _ADDRESS),
     "label_mask": (_IMAGE, _ADDRESS),
     "link_ridges": (ctypes.POINTER(RidgeLinks), _ADDRESS, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
+    "mark_print": (_ADDRESS, _ADDRESS, _SIZE, ctypes.POINTER(PrintShares), _ADDRESS, _ADDRESS),
     "masked_medians": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "masked_sums": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
@@ -221,6 +271,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "smooth_colors": (_ADDRESS, _ADDRESS),
     "spread_mask": (_IMAGE, _IMAGE, _INT, _INT),
     "sum_distances": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32),
+    "take_words": (_ADDRESS, _SIZE, *(_ADDRESS,) * 4),
     "threshold_windows": (_IMAGE, _IMAGE, _IMAGE, ctypes.POINTER(Threshold)),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "unroll_points": (_SHEET, _POINTS),
