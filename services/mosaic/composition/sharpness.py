@@ -169,7 +169,7 @@ def _relate_to_paper(box: Rectangle, measured: CellMeasures, text_height: float)
     side = 2 * round(0.5 * WINDOW * text_height) + 1
     kernel = np.ones((side, side), np.uint8)
     brightest = cv2.dilate(only_where(shown, gray), kernel)
-    elsewhere = cv2.compare(covered, 255, cv2.CMP_NE)
+    elsewhere = np.where(shown, np.uint8(0), np.uint8(255))
     paper = cv2.erode(cv2.max(brightest, elsewhere), kernel).astype(np.float32)
     weight = shown.astype(np.float32)
     window = WINDOW * text_height
