@@ -15,6 +15,7 @@ from services.imaging.illumination import (
     reduced_copy,
     small_backgrounds,
 )
+from services.imaging.print_counts import PAPER, count_ink, mark_print
 from services.imaging.reduction import PRINT_PX
 
 TINTS_OF_LIGHT = (1.25, 1.5)
@@ -39,6 +40,8 @@ PAPER_STEP = 0.15
 """Largest difference between blank paper and the paper next to it; else it is something else."""
 DARKEST_PAPER = 0.25
 """Paper in the deepest shadow, against the brightest: what is darker is a desk."""
+INK_BINS = 32
+"""Ranges of shares in which ink is counted."""
 INK_QUANTILE = 0.25
 """Of the ink's histogram: its mode, as far as blurred strokes show it."""
 LARGEST_INK = 0.75
@@ -88,15 +91,10 @@ def measure_levels(image: RgbImage) -> Levels | None:
     # Within the wide median of the first background a picture varies, and paper does not.
     background, fine_background = small_backgrounds(gray, None, (MEDIAN_FRACTION, FINE_MEDIAN_FRACTION))
     ground = enlarged(background, *gray.shape)
-    share = cv2.divide(gray, ground, scale=200.0)  # 200: as light as its paper
     height, width = gray.shape
     tiles = min(TILES / max(height, width), 1 / 12)
     grid = (max(1, round(width * tiles)), max(1, round(height * tiles)))
-    shares = np.arange(256)
-    ink_shares, paper_shares = shares < 200 * (1.0 - INK_CONTRAST), np.abs(shares - 200) <= 200 * PAPER_SPREAD
-    is_ink, is_paper = (
-        np.asarray(cv2.LUT(share, each.view(np.uint8)), np.uint8) for each in (ink_shares, paper_shares)
-    )
+    is_ink, is_paper = mark_print(gray, ground, 1.0 - INK_CONTRAST, PAPER_SPREAD)
     ink_share, _ = _tile_shares(is_ink, grid)
     # Next to a picture the neighbourhood is paper, but the tile itself is not.
     is_even = np.minimum(*_tile_shares(is_paper, grid)) >= PAPER_SHARE
@@ -109,11 +107,8 @@ def measure_levels(image: RgbImage) -> Levels | None:
     printed &= level >= DARKEST_PAPER * np.quantile(level[printed], 0.9)
     accepted = _grow_paper(level, printed, is_even, PAPER_STEP)
     paper, is_accepted = _level_paper(fine_background, level, accepted, PAPER_STEP)
-    red, green, blue = cv2.split(small)
-    strongest, weakest = cv2.max(cv2.max(red, green), blue), cv2.min(cv2.min(red, green), blue)
-    is_neutral = cv2.divide(cv2.subtract(strongest, weakest), ground, scale=200.0) < 200 * LARGEST_CHROMA
-    ink_levels = np.asarray(cv2.divide(strongest, ground, scale=200.0), dtype=np.uint8)
-    ink = _level_ink(ink_levels, np.asarray(is_ink * is_neutral, np.uint8), printed)
+    rows, columns = printed.shape
+    ink = _level_ink(count_ink(small, ground, is_ink, LARGEST_CHROMA, (rows, columns), INK_BINS), printed)
     ink = np.asarray(cv2.resize(ink, paper.shape[::-1], interpolation=cv2.INTER_LINEAR), dtype=np.float32)
     return Levels(paper, ink, is_accepted)
 
@@ -183,25 +178,18 @@ def _level_paper(
     return np.maximum(paper, 1.0), np.asarray(measured, dtype=np.float32)
 
 
-def _level_ink(
-    strongest: NDArray[np.uint8],
-    is_ink: NDArray[np.uint8],
-    printed: Mask,
-) -> NDArray[np.float32]:
-    """Mode of ink as a share of its paper for every tile, from the printed tiles around it; 0: no ink."""
-    bins = 32
-    at = np.flatnonzero(is_ink > 0)
-    y, x = np.divmod(at, is_ink.shape[1])
-    value = strongest.ravel()[at].astype(np.int64) * bins // 256
-    row, column = y * printed.shape[0] // is_ink.shape[0], x * printed.shape[1] // is_ink.shape[1]
-    tile = row * printed.shape[1] + column
-    counts = np.bincount(tile * bins + value, minlength=printed.size * bins).reshape(*printed.shape, bins)
+def _level_ink(counts: NDArray[np.int64], printed: Mask) -> NDArray[np.float32]:
+    """Mode of ink as a share of its paper for every tile, from the printed tiles around it; 0: no ink.
+
+    `counts` (rows, columns, bins) are those of `count_ink`.
+    """
+    bins = counts.shape[2]
     counts = counts * printed[..., None]
     planes = np.moveaxis(counts, 2, 0).astype(np.float32)
     around = np.stack([cv2.blur(plane, (5, 5), borderType=cv2.BORDER_CONSTANT) for plane in planes])
     below = np.cumsum(around, axis=0)
     reached = np.argmax(below >= INK_QUANTILE * below[-1], axis=0)
-    ink = (reached + 0.5) * (256 / bins) / 200
+    ink = (reached + 0.5) * (256 / bins) / PAPER
     known = ((below[-1] > 0) & (ink <= LARGEST_INK)).astype(np.float32)
     return fill_unknown_levels(ink.astype(np.float32), known, 5.0)
 

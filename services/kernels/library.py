@@ -73,6 +73,64 @@ class CellMaps(ctypes.Structure):
     )
 
 
+class CellLevels(ctypes.Structure):
+    """`struct cell_levels` of `sharpness.c`."""
+
+    _fields_ = (
+        ("count", ctypes.c_ssize_t),
+        *((name, ctypes.c_void_p) for name in ("gray", "shown", "light", "weight", "energy")),
+    )
+
+
+class RelatedMaps(ctypes.Structure):
+    """`struct related` of `sharpness.c`."""
+
+    _fields_ = tuple((name, ctypes.c_void_p) for name in ("darkness", "slope", "energy", "bare"))
+
+
+class PrintShares(ctypes.Structure):
+    """`struct print_shares` of `levels.c`."""
+
+    _fields_ = (
+        ("scale", ctypes.c_float),
+        *((name, ctypes.c_int32) for name in ("ink_end", "paper_first", "paper_last", "chroma_end")),
+    )
+
+
+class TileCounts(ctypes.Structure):
+    """`struct tile_counts` of `levels.c`."""
+
+    _fields_ = (
+        ("counts", ctypes.c_void_p),
+        *((name, ctypes.c_int32) for name in ("rows", "columns", "bins")),
+    )
+
+
+class CanvasBox(ctypes.Structure):
+    """`struct canvas_box` of `canvas.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("page", "weight", "bright")),
+        *((name, ctypes.c_ssize_t) for name in ("page_stride", "weight_stride", "bright_stride")),
+        *((name, ctypes.c_int32) for name in ("width", "height")),
+    )
+
+
+class LitView(ctypes.Structure):
+    """`struct lit_view` of `canvas.c`."""
+
+    _fields_ = tuple((name, ctypes.c_void_p) for name in ("image", "gain", "feather", "shown"))
+
+
+class WordBox(ctypes.Structure):
+    """`struct word_box` of `words.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("words", "choices")),
+        *((name, ctypes.c_ssize_t) for name in ("words_stride", "choices_stride", "rows", "columns")),
+    )
+
+
 class SheetTables(ctypes.Structure):
     """`struct sheet` of `surface.h`."""
 
@@ -171,23 +229,32 @@ class Threshold(ctypes.Structure):
 _ADDRESS, _SIZE, _INT = ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int
 _IMAGE, _SHEET, _POINTS = map(ctypes.POINTER, (Image, SheetTables, SheetPoints))
 _ROWS, _EQUATIONS, _MESH, _SEARCH = map(ctypes.POINTER, (Rows, Equations, MeshNodes, Search))
-_DOUBLE = ctypes.c_double
+_DOUBLE, _FLOAT = ctypes.c_double, ctypes.c_float
 _DRAW = (_IMAGE, _IMAGE, _ADDRESS, _INT, ctypes.POINTER(Map))
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "blend_patch": (_IMAGE, _IMAGE, _ADDRESS, ctypes.POINTER(KernelPatch)),
     "draw_by_map": _DRAW,
     "draw_between_nodes": _DRAW,
     "draw_by_homography": _DRAW,
+    "add_lit": (ctypes.POINTER(CanvasBox), ctypes.POINTER(LitView)),
     "add_products": (_ROWS, _ADDRESS, _ADDRESS, _EQUATIONS),
     "derive_points": (_MESH, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS, _ADDRESS),
     "accumulate_scores": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _SIZE, _INT, _ADDRESS),
     "color_codes": (_ADDRESS, _SIZE, _ADDRESS),
+    "compare_cells": (ctypes.POINTER(CanvasBox), ctypes.POINTER(LitView), _ADDRESS, _ADDRESS),
     "count_colors": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "count_ink": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.POINTER(PrintShares), ctypes.POINTER(TileCounts)),
+    "count_shown": (ctypes.POINTER(WordBox), _ADDRESS, _SIZE, _ADDRESS),
+    "count_votes": (ctypes.POINTER(WordBox), _SIZE, _ADDRESS),
+    "end_mean": (_ADDRESS, _ADDRESS, _SIZE, _FLOAT, _ADDRESS),
     "flatten_part": (_IMAGE, _IMAGE, ctypes.POINTER(Placing), _IMAGE),
     "keep_labels": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32, _ADDRESS),
     "label_mask": (_IMAGE, _ADDRESS),
     "link_ridges": (ctypes.POINTER(RidgeLinks), _ADDRESS, _ADDRESS, _ADDRESS),
     "locate_points": (_MESH, _SEARCH, _ADDRESS, _SIZE, _ADDRESS),
+    "mark_print": (_ADDRESS, _ADDRESS, _SIZE, ctypes.POINTER(PrintShares), _ADDRESS, _ADDRESS),
+    "masked_medians": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
+    "masked_sums": (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "measure_cells": (_IMAGE, ctypes.POINTER(KernelPatch), ctypes.POINTER(CellMaps)),
     "measure_band": (_ROWS, _ADDRESS, _SIZE, _SIZE),
     "piece_costs": (*(_ADDRESS,) * 2, _SIZE, *(_ADDRESS,) * 2, _SIZE, _ADDRESS, _SIZE, _DOUBLE, _ADDRESS),
@@ -196,7 +263,10 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "measure_windows": (_IMAGE, ctypes.POINTER(TextWindows), *(_ADDRESS,) * 4),
     "outstanding_bin": (_ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS),
     "polygon_distances": (_ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
+    "raise_strength": (_ADDRESS, _ADDRESS, _SIZE, _FLOAT, _FLOAT, _ADDRESS),
     "reduce_area": (_IMAGE, _IMAGE, _INT),
+    "relate_cells": (ctypes.POINTER(CellLevels), _FLOAT, _FLOAT, _FLOAT, ctypes.POINTER(RelatedMaps)),
+    "remove_noise": (_ADDRESS, _SIZE, _ADDRESS),
     "roll_frames": (_ADDRESS, _SIZE, _ADDRESS),
     "measure_steps": (_ADDRESS, *(_SIZE,) * 6, _ADDRESS, _ADDRESS),
     "sample_profiles": (_IMAGE, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS, _SIZE, _ADDRESS),
@@ -205,6 +275,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "smooth_colors": (_ADDRESS, _ADDRESS),
     "spread_mask": (_IMAGE, _IMAGE, _INT, _INT),
     "sum_distances": (_IMAGE, _ADDRESS, _ADDRESS, ctypes.c_int32),
+    "take_words": (_ADDRESS, _SIZE, *(_ADDRESS,) * 4),
     "threshold_windows": (_IMAGE, _IMAGE, _IMAGE, ctypes.POINTER(Threshold)),
     "trace_back": (_ADDRESS, _SIZE, _SIZE, _INT, _ADDRESS, _ADDRESS, _ADDRESS, _SIZE, _ADDRESS),
     "unroll_points": (_SHEET, _POINTS),
@@ -232,7 +303,7 @@ def find_kernels() -> ctypes.CDLL | None:
         return None
     for name, arguments in _ARGUMENTS.items():
         getattr(library, name).argtypes = arguments
-    for name in ("link_ridges", "measure_band"):
+    for name in ("link_ridges", "masked_sums", "measure_band"):
         getattr(library, name).restype = _SIZE
     known = zeros(1)
     return library if library.usable() and address(known) == known.ctypes.data else None

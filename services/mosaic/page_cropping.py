@@ -309,8 +309,8 @@ def _on_one_line(y: Floats, x: Floats) -> NDArray[np.bool_]:
 def _is_edge(cells: PageCells, slope: float, intercept: float, borders: NDArray[np.int_]) -> bool:
     """Whether the sheet ends at x = slope y + intercept; in the rows `borders` background meets paper there."""
     paper, seen = cells.paper, cells.seen
-    columns, lines = np.meshgrid(np.arange(paper.shape[1]), np.arange(paper.shape[0]))
-    off = columns - (intercept + slope * lines)
+    columns, lines = np.arange(paper.shape[1]), np.arange(paper.shape[0])
+    off = columns - (intercept + slope * lines)[:, None]
     beyond = (paper & (off < -2 * STRAIGHTNESS)).sum() / paper.sum()
     # Rows where the line has paper inside and any photo shows its outside.
     reach = 2 * STRAIGHTNESS + 1
@@ -368,7 +368,7 @@ def _turned_back(edge: Floats, quarters: int, shape: tuple[int, ...]) -> Floats:
 
 
 def _within(edges: Floats, shape: tuple[int, ...]) -> Mask:
-    x, y = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
+    x, y = np.arange(shape[1]), np.arange(shape[0])[:, None]
     inside = np.ones(shape, bool)
     for a, b, c in edges:
         inside &= a * x + b * y + c >= 0

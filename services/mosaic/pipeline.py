@@ -12,6 +12,7 @@ from services.contract.rectify import Illumination
 from services.errors import DocumentError, InvalidOption, NoText, NotOverlapping
 from services.geometry.homographies import translation
 from services.geometry.page_frame import turning
+from services.heap import keeping_freed_memory
 from services.imaging.channels import luminance
 from services.imaging.illumination import flatten_illumination
 from services.imaging.reduction import reduce_image
@@ -65,6 +66,7 @@ STAGE_BEGINS = {
 """Start of each stage as a share of the time, measured on sets of three photos. Flattening ends at `FLATTENED`."""
 
 
+@keeping_freed_memory()
 def mosaic(
     photos: Sequence[RgbImage],
     parameters: MosaicParameters,

@@ -11,9 +11,16 @@ import cv2
 import numpy as np
 
 from services.arrays import GrayImage
-from services.imaging.channels import luminance
+from services.imaging.channels import luminance, only_where
 from services.mosaic.composition.cell_measures import CellMeasures, measure_cells
 from services.mosaic.composition.patch_drawing import DrawablePatch, FloatMap, Rectangle, map_nodes
+from services.mosaic.composition.related_cells import (
+    masked_means,
+    masked_medians,
+    raise_strength,
+    relate_cells,
+    remove_noise,
+)
 
 # Lengths in text heights; brightness relative to the bare paper.
 CELLS_PER_TEXT_HEIGHT = 9.0
@@ -140,9 +147,9 @@ def compare_sharpness(maps: PatchMaps, ink: GrayImage, text_height: float) -> Fl
     all photos are compared at the same places.
     """
     printed = ink[maps.box.within(Rectangle(0, 0, ink.shape[1], ink.shape[0]))]
-    asked = ((printed > 0) & (maps.covered == 255)).astype(np.float32)
-    share = _average(asked, WINDOW * text_height)
-    total = _average(maps.energy * asked[..., None], WINDOW * text_height)
+    asked = (printed > 0) & (maps.covered == 255)
+    share = _average(asked.astype(np.float32), WINDOW * text_height)
+    total = _average(only_where(asked, maps.energy), WINDOW * text_height)
     both = np.maximum(total[..., 0] * total[..., 1], 0) / np.square(share + np.float32(LEAST_PRINT))
     return np.asarray(np.sqrt(np.sqrt(both)), np.float32)
 
@@ -150,7 +157,7 @@ def compare_sharpness(maps: PatchMaps, ink: GrayImage, text_height: float) -> Fl
 def print_sharpness(maps: PatchMaps) -> float:
     """Sharpness of all print of the photo, as in `compare_sharpness`; 0 without print."""
     printed = (maps.ink > 0) & (maps.covered == 255)
-    return float(np.prod(maps.energy[printed].mean(axis=0)) ** 0.25) if printed.any() else 0.0
+    return float(np.prod(masked_means(maps.energy, printed)) ** 0.25) if printed.any() else 0.0
 
 
 def _relate_to_paper(box: Rectangle, measured: CellMeasures, text_height: float) -> PatchMaps:
@@ -161,33 +168,23 @@ def _relate_to_paper(box: Rectangle, measured: CellMeasures, text_height: float)
     shown = covered == 255
     side = 2 * round(0.5 * WINDOW * text_height) + 1
     kernel = np.ones((side, side), np.uint8)
-    brightest = cv2.dilate(np.where(shown, gray, 0).astype(np.uint8), kernel)
-    paper = cv2.erode(np.where(shown, brightest, 255).astype(np.uint8), kernel).astype(np.float32)
+    brightest = cv2.dilate(only_where(shown, gray), kernel)
+    elsewhere = np.where(shown, np.uint8(0), np.uint8(255))
+    paper = cv2.erode(cv2.max(brightest, elsewhere), kernel).astype(np.float32)
     weight = shown.astype(np.float32)
     window = WINDOW * text_height
-    smooth = _average(paper * weight, window) / np.maximum(_average(weight, window), 1e-3)
-    smooth = np.maximum(smooth, 1.0).astype(np.float32)
-    relative = gray / smooth
-    relative_energy = cv2.divide(energy, cv2.merge([np.square(smooth)] * 2))
-    energy = np.asarray(cv2.copyTo(relative_energy, shown.view(np.uint8)), np.float32)
+    light, known = (_average(each, window) for each in (paper * weight, weight))
+    related = relate_cells(gray, energy, shown, light, known, 1 - 0.5 * INK_CONTRAST)
     near = np.ones((2 * round(0.5 * text_height) + 1,) * 2, np.uint8)
-    contrast = np.where(shown, 1 - relative, 0).astype(np.float32)
-    dark = _strength(contrast, near, INK_CONTRAST, INK_SHARE)
-    bare = shown & (relative > 1 - 0.5 * INK_CONTRAST)
-    noise = [float(np.median(plane[bare])) if bare.any() else 0.0 for plane in cv2.split(energy)]
-    least = max(INK_GRADIENT, NOISE_FACTOR * sum(noise) ** 0.5)
-    ink = cv2.max(dark, _strength(np.sqrt(energy[..., 0] + energy[..., 1]), near, least, INK_SHARE))
-    without_noise = np.maximum(energy - np.array(noise, np.float32), 0)
+    noise = masked_medians(related.energy, related.bare)
+    least = max(INK_GRADIENT, NOISE_FACTOR * sum(noise.tolist()) ** 0.5)
+    ink = np.zeros(covered.shape, np.uint8)
+    for values, smallest in ((related.darkness, INK_CONTRAST), (related.slope, least)):
+        raise_strength(values, np.asarray(cv2.dilate(values, near), np.float32), smallest, INK_SHARE, ink)
+    remove_noise(related.energy, noise)
     # Outside of its box the photo shows nothing; outside of the page nothing is needed.
     inset = cv2.distanceTransform(np.pad(shown.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
-    return PatchMaps(box, covered, np.asarray(ink, np.uint8), without_noise, np.ascontiguousarray(inset))
-
-
-def _strength(values: FloatMap, near: GrayImage, least: float, share: float) -> GrayImage:
-    """`values` relative to the largest `near`, scaled to 255; 0 below `share` of it and below `least`."""
-    largest = np.maximum(cv2.dilate(values, near), np.float32(least))
-    relative = np.clip(values / largest, 0, 1)
-    return np.where((values > least) & (relative > share), 255 * relative, 0).astype(np.uint8)
+    return PatchMaps(box, covered, ink, related.energy, np.ascontiguousarray(inset))
 
 
 def _average(values: FloatMap, window: float) -> FloatMap:

@@ -11,6 +11,7 @@ from services.arrays import GrayImage, Mask
 from services.imaging.components import label_components
 from services.mosaic.composition.patch_drawing import FloatMap, Rectangle
 from services.mosaic.composition.sharpness import PatchMaps, compare_sharpness
+from services.mosaic.composition.word_counts import count_votes, take_words
 
 Labels = NDArray[np.int16]
 """(rows, columns) index of a photo in the input sequence, -1 where no photo shows anything."""
@@ -102,7 +103,7 @@ def decide_words(maps: Sequence[PatchMaps], ink: GrayImage, cells: Labels, text_
         kernel = np.ones((2 * _reach(down, text_height) + 1, 2 * _reach(across, text_height) + 1), np.uint8)
         mask = np.asarray(cv2.dilate(todo.astype(np.uint8), kernel), np.uint8)
         count, components, stats, _ = label_components(mask)
-        votes, shown = _votes(maps, components, count, cells, mask)
+        votes, shown = count_votes(maps, components, count, cells)
         held = np.where(shown == stats[:, cv2.CC_STAT_AREA][:, None], votes, -1)
         choice = held.argmax(axis=1)
         decided = held.max(axis=1) >= 0
@@ -111,10 +112,7 @@ def decide_words(maps: Sequence[PatchMaps], ink: GrayImage, cells: Labels, text_
             word = (height <= WORD_HEIGHT * text_height) & (width <= WORD_ASPECT * height)
             decided &= (held.max(axis=1) == votes.max(axis=1)) | (word & (number > 0))
         decided[0] = False
-        chosen = decided[components]
-        labels[chosen] = choice[components[chosen]]
-        whole |= chosen
-        todo &= ~chosen
+        take_words(components, np.where(decided, choice, -1).astype(np.int16), labels, whole, todo)
         if not todo.any():
             break
     broken = np.asarray(printed & ~whole)
@@ -153,23 +151,6 @@ def _rules(printed: Mask, length: float) -> Mask:
     across = cv2.morphologyEx(ink, cv2.MORPH_OPEN, np.ones((1, side), np.uint8))
     down = cv2.morphologyEx(ink, cv2.MORPH_OPEN, np.ones((side, 1), np.uint8))
     return np.asarray((cv2.max(across, down) > 0) & (thick == 0))
-
-
-def _votes(
-    maps: Sequence[PatchMaps], components: NDArray[np.int32], count: int, cells: Labels, mask: GrayImage
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Per component (count) and photo (len(maps)): number of cells that chose the photo, and that it shows whole."""
-    photos = len(maps)
-    page = Rectangle(0, 0, components.shape[1], components.shape[0])
-    voters = (mask > 0) & (cells >= 0)
-    ballot = components[voters].astype(np.int64) * photos + cells[voters]
-    votes = np.bincount(ballot, minlength=count * photos).reshape(count, photos)
-    shown = np.zeros((count, photos), np.int64)
-    for number, patch in enumerate(maps):
-        at = patch.box.within(page)
-        seen = (patch.covered == 255) & (mask[at] > 0)
-        shown[:, number] = np.bincount(components[at][seen], minlength=count)
-    return votes, shown
 
 
 def fade_weights(

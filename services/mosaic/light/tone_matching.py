@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.arrays import Mask, Points
 from services.contract.rectify import Illumination
 from services.geometry.homographies import from_resized, to_resized
-from services.imaging.channels import in_all_channels, only_where, strongest_channel
+from services.imaging.channels import only_where, strongest_channel
 from services.imaging.levels import (
     Levels,
     level_coefficients,
@@ -31,6 +31,7 @@ from services.mosaic.light.canvas import (
     frame_canvas,
     without_rim,
 )
+from services.mosaic.light.canvas_sums import CanvasSums, compare_cells
 from services.mosaic.light.hidden_parts import (
     HiddenCells,
     HiddenPart,
@@ -171,33 +172,25 @@ def match_light(views: Sequence[CanvasView], canvas: Canvas) -> MatchedLight:
     ]
     hidden = find_hidden_cells(views, fields)
     clear = [show_only(view, cells) for view, cells in zip(views, hidden.of_views, strict=True)]
-    page = np.zeros((canvas.height, canvas.width, 3), np.float32)
-    weight = np.zeros((canvas.height, canvas.width), np.float32)
     inner = np.zeros((canvas.height, canvas.width), bool)
     well_within = WELL_WITHIN * max(canvas.height, canvas.width)
     for view in views:
         inner[view.box] |= view.feather > well_within
-    lit = [
-        np.asarray(cv2.multiply(view.image, gain), np.float32)
-        for view, gain in zip(views, fields, strict=True)
-    ]
-    for view, own in zip(clear, lit, strict=True):
-        page[view.box] += cv2.multiply(own, in_all_channels(view.feather))
-        weight[view.box] += view.feather
-    page /= in_all_channels(np.maximum(weight, 1e-6))
-    bright = bright_parts(strongest_channel(page)) * (weight > 0)
+    sums = CanvasSums.nothing(canvas)
+    for view, gain in zip(clear, fields, strict=True):
+        sums.add(view, gain)
+    strongest, page, shown = sums.end(), sums.page, sums.weight > 0
+    bright = bright_parts(strongest) * shown
     followed = []
-    for view, own, gain in zip(clear, lit, fields, strict=True):
-        compared = bright[view.box] * view.shown
-        mask = compared > 0
-        both = np.dstack([to_cells(only_where(mask, image)) for image in (page[view.box], own)])
-        there, here = np.dsplit(spread(both, to_cells(compared), WINDOWS_CELLS), 2)
+    for view, gain in zip(clear, fields, strict=True):
+        means, share = compare_cells(page, bright, view, gain)
+        there, here = np.dsplit(spread(means, share, WINDOWS_CELLS), 2)
         followed.append(to_cells(gain) * (there + 1) / (here + 1))
     overall = _overall_gain(clear, page, bright, BRIGHTEST_PAPER)
     if overall < 1.0:
         page *= np.float32(overall)
-        bright = bright_parts(strongest_channel(page)) * (weight > 0)
-    return MatchedLight(tuple(gain * overall for gain in followed), hidden, page, bright, weight > 0, inner)
+        bright = bright_parts(strongest_channel(page)) * shown
+    return MatchedLight(tuple(gain * overall for gain in followed), hidden, page, bright, shown, inner)
 
 
 def _with_neutral_paper(lights: MatchedLight) -> MatchedLight:
@@ -228,7 +221,9 @@ def _overall_gain(
 
 def _paper_level(image: FloatImage, bright: FloatImage) -> float:
     """Level of well-lit paper."""
-    levels = image[::CELL_PX, ::CELL_PX].max(axis=2)[bright[::CELL_PX, ::CELL_PX] > 0]
+    levels = strongest_channel(np.ascontiguousarray(image[::CELL_PX, ::CELL_PX]))[
+        bright[::CELL_PX, ::CELL_PX] > 0
+    ]
     return float(np.quantile(levels, PAPER_QUANTILE)) if levels.size else 0.0
 
 

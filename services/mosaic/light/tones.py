@@ -33,9 +33,10 @@ class ToneMap:
         j = np.clip(np.floor(y).astype(int), 0, max(rows - 2, 0))
         s, t = np.clip(x - i, 0, 1)[:, None], np.clip(y - j, 0, 1)[:, None]
         right, below = np.minimum(i + 1, columns - 1), np.minimum(j + 1, rows - 1)
-        c = self.coefficients
-        upper = (1 - s) * c[j, i] + s * c[j, right]
-        lower = (1 - s) * c[below, i] + s * c[below, right]
+        # Rows are taken by one index each: pairs of indices take three times as long.
+        c, (above, under) = self.coefficients.reshape(rows * columns, -1), (j * columns, below * columns)
+        upper = (1 - s) * c.take(above + i, axis=0) + s * c.take(above + right, axis=0)
+        lower = (1 - s) * c.take(under + i, axis=0) + s * c.take(under + right, axis=0)
         return np.asarray((1 - t) * upper + t * lower, np.float32)
 
 
