@@ -74,8 +74,8 @@ def _set_bounds(free_at_end: int) -> None:
 def release_freed_memory() -> None:
     """Give freed memory back to the system, but where it is kept.
 
-    That takes about 2 ms, and the system's time to clear it when it is taken again. glibc keeps freed arrays below 32 MB for later ones, which rarely fit. Between the steps of a photo of 12 megapixels
-    that is 20 to 30 MB.
+    That takes about 2 ms, and the system's time to clear it when it is taken again. glibc keeps freed arrays below
+    32 MB for later ones, which rarely fit. Between the steps of a photo of 12 megapixels that is 20 to 30 MB.
     """
     if not _is_kept.get():
         _trim(0)

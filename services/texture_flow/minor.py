@@ -153,7 +153,7 @@ def _strong_edges(
             np.asarray(cv2.sepFilter2D(gray[seen], cv2.CV_32F, *kernels), np.float32)[inner].ravel()
             for kernels in ((slope, smooth), (smooth, slope))
         )
-        strength, within = np.asarray(cv2.magnitude(gx, gy), np.float32).ravel(), area[rows].ravel()
+        strength, within = _lengths(gx, gy), area[rows].ravel()
         inside = strength[within]
         sampled.append(inside[-passed % step :: step].copy())  # a view would keep all of them
         passed += inside.size
@@ -163,6 +163,13 @@ def _strong_edges(
             least = max(EDGE_FLOOR, likely_share * _strong_gradient(sampled))
     strong = _strong_gradient(sampled)
     return (None if least > max(strong, EDGE_FLOOR) else found), strong
+
+
+def _lengths(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Lengths (E,) of vectors. The last bits of `cv2.magnitude` depend on where the arrays lie in memory."""
+    squares = x * x
+    squares += y * y
+    return np.sqrt(squares, out=squares)
 
 
 def _strong_gradient(sampled: list[NDArray[np.float32]]) -> float:

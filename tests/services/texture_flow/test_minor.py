@@ -125,6 +125,18 @@ def test_strokes_along_the_lines_are_removed() -> None:
         assert len(edges.points) > 2000, angle_deg
 
 
+@pytest.mark.parametrize("offset", range(1, 16, 3))
+def test_strengths_do_not_depend_on_where_arrays_lie_in_memory(offset: int) -> None:
+    gradients = np.random.default_rng(0).normal(0, 20, (2, 1001)).astype(np.float32)
+    gradients[:, ::7] = 0.0
+    memory = np.empty((2, 1040), np.float32)
+    moved = memory[:, offset : offset + 1001]
+    moved[:] = gradients
+    found = minor._lengths(*moved)
+    assert np.array_equal(found, minor._lengths(*gradients))
+    assert np.allclose(found, np.hypot(*gradients.astype(np.float64)), rtol=2e-7, atol=0)
+
+
 def test_many_edges_are_thinned_out_evenly() -> None:
     area = np.ones((300, 300), bool)
     few = MinorFlowParameters(max_edges=500)
