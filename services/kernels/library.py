@@ -320,7 +320,9 @@ def address(array: "NDArray[Any]") -> int:
 def is_packed(pixels: "NDArray[Any]") -> bool:
     """Whether the bytes of a row of the image (H, W) or (H, W, C) are together in memory; rows may be apart."""
     together = (pixels.shape[2], 1) if pixels.ndim == 3 else (1,)
-    return pixels.dtype == "uint8" and pixels.strides[1:] == together
+    # The step along an axis of one may be any.
+    axes = zip(pixels.shape[1:], pixels.strides[1:], together, strict=True)
+    return pixels.dtype == "uint8" and all(size == 1 or step == wanted for size, step, wanted in axes)
 
 
 def image_of(pixels: "NDArray[Any]") -> Image:

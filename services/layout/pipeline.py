@@ -300,6 +300,7 @@ def read_all(
     even = readable(gray)
     words, cut = read_best(even, engine, limit_s)
     words = with_lost_print(even, printed.joined(words), engine, ends_s)
+    cut |= time.process_time() >= ends_s
     # A line that was read again may have taken the place of printed words.
     return printed.joined(words), cut
 

@@ -42,23 +42,23 @@ def read_best(page: GrayImage, engine: OcrEngine, limit_s: float) -> tuple[list[
     words, cut = read_within(page, engine, limit_s)
     if cut:
         return words, cut
-    return improved(page, engine, words, time.process_time() - begun_s, limit_s), False
+    return improved(page, engine, words, time.process_time() - begun_s, limit_s)
 
 
 def improved(
     page: GrayImage, engine: OcrEngine, words: list[Word], once_s: float = 0.0, limit_s: float = float("inf")
-) -> list[Word]:
+) -> tuple[list[Word], bool]:
     """The `words` that the engine read on a page in `once_s` of `limit_s`, or those of a better reading.
 
-    See `read_best`.
+    See `read_best`. The last is whether the second reader had no time.
     """
     if mean_confidence(words) >= ASSISTED_BELOW:
-        return words
+        return words, False
     second = engine.second_reader() if isinstance(engine, AssistedReader) else None
     if second is None:
-        return _read_softer(page, engine, words, once_s, limit_s)
-    others, _ = second.read_page_within(page, limit_s - once_s)
-    return max(words, others, key=_right_letters)
+        return _read_softer(page, engine, words, once_s, limit_s), False
+    others, cut = second.read_page_within(page, limit_s - once_s)
+    return max(words, others, key=_right_letters), cut
 
 
 def _read_softer(

@@ -67,11 +67,13 @@ def read_upright(image: RgbImage, engine: OcrEngine | None, origin: Origin = "ph
             even, ends_s = apply_orientation(even, found), time.process_time() + LIMIT_S
             words, cut = read_best(even, engine, LIMIT_S)
             words = with_lost_print(even, words, engine, ends_s)
+            cut |= time.process_time() >= ends_s
             image = apply_orientation(image, found)
             return UprightReading(image, words, found, (_turned(found), *_left_unread(cut)))
         if not cut:
-            words = improved(even, engine, words, limit_s=LIMIT_S)
+            words, cut = improved(even, engine, words, limit_s=LIMIT_S)
         words = with_lost_print(even, words, engine, ends_s)
+        cut |= time.process_time() >= ends_s
     return UprightReading(image, words, found, _left_unread(cut))
 
 

@@ -169,7 +169,7 @@ def _lengths(x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float
     """Lengths (E,) of vectors. The last bits of `cv2.magnitude` depend on where the arrays lie in memory."""
     squares = x * x
     squares += y * y
-    return np.sqrt(squares, out=squares)
+    return np.asarray(np.sqrt(squares, out=squares), np.float32)
 
 
 def _strong_gradient(sampled: list[NDArray[np.float32]]) -> float:

@@ -141,7 +141,8 @@ def measure_windows(
         *(address(array) for array in (at, du, dv, shifts, weights)),
         *(count, shape.rows, shape.columns, shape.margin, shape.strips, len(slopes)),
     )
-    image = image_of(np.ascontiguousarray(ink).view(np.uint8))
+    packed = np.ascontiguousarray(ink).view(np.uint8)
+    image = image_of(packed)
     outputs = (address(array) for array in (energies, amount, mass, moment))
     if not kernels.measure_windows(ctypes.byref(image), ctypes.byref(windows), *outputs):
         raise MemoryError

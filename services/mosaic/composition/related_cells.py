@@ -109,7 +109,8 @@ def remove_noise(energy: FloatMap, noise: NDArray[np.float32]) -> None:
     if kernels is None or not energy.flags.c_contiguous:
         np.maximum(energy - noise, 0, out=energy)
         return
-    kernels.remove_noise(address(energy), energy.size // 2, address(np.ascontiguousarray(noise, np.float32)))
+    usual = np.ascontiguousarray(noise, np.float32)
+    kernels.remove_noise(address(energy), energy.size // 2, address(usual))
 
 
 def masked_medians(values: FloatMap, mask: Mask) -> NDArray[np.float32]:

@@ -47,6 +47,8 @@ GROUPS = 4
 """Number of returned groups."""
 
 
+FARTHEST = 1e9
+"""Bins of a displacement, at most."""
 LEAST_VOTES = 3
 """Least size of a group; smaller ones occur by chance."""
 
@@ -106,7 +108,7 @@ def outstanding_bin(bins: Floats, voting: NDArray[np.bool_]) -> tuple[int, Vecto
 
     `bins` (scales, matches, 2) are displacements, of which those `voting` (scales, matches) count, one at least.
     """
-    if bins.shape != (*voting.shape, 2) or not voting.any():
+    if bins.shape != (*voting.shape, 2) or not voting.any() or not np.abs(bins).max() < FARTHEST:
         raise ValueError("matches vote for displacements at scales")
     kernels = find_kernels()
     if kernels is None:

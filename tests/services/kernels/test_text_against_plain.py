@@ -172,3 +172,21 @@ def test_turned_parts_are_refused() -> None:
     image = np.ones((9, 9), np.uint8)
     with pytest.raises(ValueError, match="axes"):
         flatten_part(image, image, np.array([[1.0, 0.1, 0.0], [0.0, 1.0, 0.0]]))
+
+
+def test_a_column_of_an_image_is_one() -> None:
+    # NumPy calls it contiguous, whatever the step along its single column is.
+    column = np.ones((3, 5), bool)[1::2, 2::3][:, :1]
+    assert column.strides == (10, 3)
+    assert np.array_equal(label_components(column).labels, label_components_plain(column).labels)
+    assert np.array_equal(spread_mask(column, 3), spread_mask_plain(column, 3))
+
+
+def test_windows_of_a_part_of_an_image() -> None:
+    ink = drawn((800, 800), 5, 0.4)[::2, ::2]
+    at, slopes, shape = np.full((3, 2), 40.0), np.array([0.0]), WindowShape(30, 24, 4, 6)
+    steps = np.tile([[1.0, 0.0], [0.0, 1.0]], (3, 1, 1))
+    part = measure_windows(ink, at, steps[:, 0], steps[:, 1], slopes, shape)
+    packed = measure_windows(ink.copy(), at, steps[:, 0], steps[:, 1], slopes, shape)
+    assert all(np.array_equal(one, other) for one, other in zip(part, packed, strict=True))
+    assert part.amount.min() > 0

@@ -103,6 +103,11 @@ def test_a_second_reader_comes_in_place_of_softer_readings(
     assert words[0].box == BOX
 
 
+def test_a_second_reader_without_time_leaves_words_unread() -> None:
+    engine = Assisted([0.6], "page", second=Reader([0.9], "second", cut=True))
+    assert read_best(PAGE, engine, 100.0)[1]
+
+
 def test_without_a_second_reader_it_is_read_softer() -> None:
     engine = Assisted([0.6, 0.95])
     assert [word.text for word in read_best(PAGE, engine, 100.0)[0]] == ["reading2"]

@@ -72,6 +72,13 @@ def test_one_line_of_text_shows_no_bend_but_the_photo_is_a_page() -> None:
         rectify(photo, RectifyParameters(kind="curved", upright=False))
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (1, 300), (2, 300), (300, 1)])
+@pytest.mark.parametrize("level", [0, 255])
+def test_a_thin_image_is_no_page(shape: tuple[int, int], level: int) -> None:
+    with pytest.raises(NoText):
+        rectify(np.full((*shape, 3), level, np.uint8), RectifyParameters(upright=False))
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("kind", some(1, KINDS))
 def test_few_lines_of_text(kind: PageKind) -> None:

@@ -128,3 +128,6 @@ def test_what_cannot_vote_is_refused() -> None:
         outstanding_bin(np.zeros((2, 3, 2)), np.zeros((2, 3), bool))
     with pytest.raises(ValueError, match="vote"):
         outstanding_bin(np.zeros((2, 3, 2)), np.ones((2, 4), bool))
+    for beyond in (np.nan, np.inf, 1e30):
+        with pytest.raises(ValueError, match="vote"):
+            outstanding_bin(np.full((2, 3, 2), beyond), np.ones((2, 3), bool))
