@@ -57,11 +57,12 @@ class OutlineSearch:
             is_same = before.text_height_px == seen.text_height_px and before.window == seen.window
             if is_same and np.array_equal(before.characters, seen.characters):
                 self._read = step.result()
-                if self._reducing is not None:
-                    self._reducing.result()  # its CPU time counts here
+                self._end_reducing()
                 return self._read[0]
             self._end_search()
-        return self._seek(seen)
+        outline = self._seek(seen)
+        self._end_reducing()
+        return outline
 
     def find_in_view(self, seen: FoundText | PageAnalysis) -> SheetOutline | None:
         """The outline where what was `seen` is no text: a sheet that goes on beyond the photo is shown by print."""
@@ -77,8 +78,11 @@ class OutlineSearch:
     def end(self) -> None:
         """Wait for what has begun, and forget it."""
         self._end_search()
+        self._end_reducing()
+
+    def _end_reducing(self) -> None:
         if self._reducing is not None:
-            self._reducing.end()
+            self._reducing.end()  # its CPU time counts here
             self._reducing = None
 
     def _end_search(self) -> None:
