@@ -58,6 +58,8 @@ FEW_STROKES = 4
 UNSEEN_WEIGHT = 0.05
 """and gets this share of its weight."""
 
+_Flows = tuple[MajorFlow, MinorFlow | None, PhotoPart]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PageAnalysis:
@@ -240,14 +242,12 @@ def _analyse_dark_print(
     facing, found = None, None
     if region is None or is_spread:
         with clock.stage("text"):
-            major, minor, strokes = flows
             found = choose_page(
                 photo,
                 seen.characters,
                 seen.boxes,
                 seen.text_height_px,
-                _to_photo(major.samples, factor),
-                None if minor is None else _part_to_photo(minor.samples, strokes),
+                *_in_photo(flows, factor),
                 seen.paper,
                 is_spread=is_spread and seen.beside is None,
             )
@@ -324,12 +324,12 @@ def analyse_briefly(
 def _analysis_of(
     seen: FoundText,
     text: IdentifiedText,
-    flows: tuple[MajorFlow, MinorFlow | None, PhotoPart],
+    flows: _Flows,
     choice: PageChoice | None,
 ) -> PageAnalysis:
     """Results for one page, in pixels of the photo."""
-    major, minor, strokes = flows
-    factor = seen.factor
+    (major, minor, strokes), factor = flows, seen.factor
+    along, across = _in_photo(flows, factor)
     gutter = None if choice is None else choice.gutter_beside(characters_in_photo(text, factor))
     return PageAnalysis(
         seen.paper,
@@ -338,9 +338,9 @@ def _analysis_of(
         strokes,
         text,
         seen.printed,
-        _to_photo(major.samples, factor),
+        along,
         resize_field(major.field, 1 / factor),
-        None if minor is None else _part_to_photo(minor.samples, strokes),
+        across,
         None if minor is None else move_field(resize_field(minor.field, 1 / strokes.factor), strokes.origin),
         gutter=gutter,
         window=seen.window,
@@ -352,7 +352,7 @@ def _measure_flows(
     text: IdentifiedText,
     p: AnalysisParameters,
     on_begin: Callable[[FoundText], object] | None = None,
-) -> tuple[MajorFlow, MinorFlow | None, PhotoPart]:
+) -> _Flows:
     """The major flow in the frame of `seen.reduced`, and the minor flow in that of the part with strokes.
 
     Edges are sought beside the major flow, if a processor is spare. What `on_begin` begins waits for the same one.
@@ -397,9 +397,10 @@ def _cut_text(seen: FoundText, text: IdentifiedText, p: AnalysisParameters) -> t
     return strokes, cv2.resize(inside, size, interpolation=cv2.INTER_NEAREST).astype(bool)
 
 
-def _to_photo(samples: FlowSamples, factor: float) -> FlowSamples:
-    return FlowSamples(from_resized(samples.points, factor), samples.angles, samples.weights)
-
-
-def _part_to_photo(samples: FlowSamples, part: PhotoPart) -> FlowSamples:
-    return FlowSamples(part.to_photo(samples.points), samples.angles, samples.weights)
+def _in_photo(flows: _Flows, factor: float) -> tuple[FlowSamples, FlowSamples | None]:
+    """Samples of both flows in pixels of the photo."""
+    major, minor, part = flows
+    along = replace(major.samples, points=from_resized(major.samples.points, factor))
+    if minor is None:
+        return along, None
+    return along, replace(minor.samples, points=part.to_photo(minor.samples.points))
